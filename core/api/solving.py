@@ -211,9 +211,9 @@ def _with_coverage(solved: SolvedTake, take: MarkerTake, subject: Subject, used:
         findings.append(Reason(ReasonKind.LIMB, text))
     if lacking:
         guessed = "it is guessed" if len(lacking) == 1 else "they are guessed"
-        findings.append(Reason(ReasonKind.LIMB, f"no marker holds {_listed(lacking)}: {guessed}"))
+        findings.append(Reason(ReasonKind.LIMB, f"no marker determines {_listed(lacking)}: {guessed}"))
     if inferred:
-        text = f"only markers placed by the motion hold {_listed(inferred)}: check the labels"
+        text = f"only markers placed by the motion determine {_listed(inferred)}: check the labels"
         findings.append(Reason(ReasonKind.LIMB, text))
     share = max(0.0, 1.0 - len(lacking) / len(LIMBS))
     poses = tuple(

@@ -32,7 +32,7 @@ class CaptureSetup:
         return CaptureSetup(tables.camera_rig(), tables.subjects(), tables.carried_props(), database, settings)
 
     def tables(self, capture: Mapping[str, Any], settings: Mapping[str, Any] | None = None) -> TakeSetup:
-        """Return the tables of a new take; the solver settings are by default those that were changed."""
+        """Return the tables of a new take, by default with the solver settings that differ from the defaults."""
         given = self.settings.table() if settings is None else settings
         return TakeSetup.of(self.rig, self.performers, given, identity(self.database), capture, self.props)
 

@@ -1,7 +1,7 @@
-"""Poses calmed by their neighbours in time: five binomial taps, two frames late.
+"""Smoothing of poses by their neighbours in time: a binomial filter with five taps, delayed by two frames.
 
 A pose that is shown two frames later than solved can be averaged with the two poses before and the two after. This
-removes what noise and flickering markers leave from frame to frame, at no cost in accuracy: the mean does not lag.
+removes the jitter that noise and flickering markers cause, at no cost in accuracy: a centred mean does not lag.
 """
 
 from collections import deque
@@ -17,10 +17,10 @@ from ..geometry.arrays import Array
 
 @dataclass(frozen=True)
 class TapSettings:
-    """Settings of the taps."""
+    """Settings of the filter."""
 
-    frames: int = 2  # frames on either side, and of delay
-    sigma_s: float = 1.0 / 60.0  # weights are those of the binomial taps 1 4 6 4 1 at 60 frames a second
+    frames: int = 2  # number of frames averaged on either side; also the delay
+    sigma_s: float = 1.0 / 60.0  # of the weights; at 60 frames a second they are the binomial 1 4 6 4 1
     pause_s: float = 0.25  # time between two frames above which they are not averaged
     cut_m: float = 0.3  # movement of the root between two frames that only a cut explains
 
@@ -29,31 +29,31 @@ _S = TapSettings()
 
 
 class DelayedPoses:
-    """Calms the poses of a capture one after another."""
+    """Smooths the poses of a capture one after another."""
 
     def __init__(self) -> None:
         self._window: deque[ScenePose] = deque(maxlen=2 * _S.frames + 1)
 
     def step(self, pose: ScenePose) -> ScenePose | None:
-        """Return the pose of two frames before, calmed; None for the first two."""
+        """Return the pose of two frames before, smoothed; None for the first two frames."""
         self._window.append(pose)
         at = len(self._window) - 1 - _S.frames
         return _scene_calmed(self._window, at) if at >= 0 else None
 
     def rest(self) -> list[ScenePose]:
-        """Return the last poses, which no later ones calm."""
+        """Return the last poses, smoothed without later ones."""
         first = max(len(self._window) - _S.frames, 0)
         return [_scene_calmed(self._window, index) for index in range(first, len(self._window))]
 
 
 def calm_poses(poses: Sequence[ScenePose]) -> list[ScenePose]:
-    """Return all poses of a take, each calmed by its neighbours."""
+    """Return all poses of a take, each smoothed by its neighbours."""
     columns = [calm_performer(column) for column in zip(*(pose.performers for pose in poses), strict=True)]
     return [replace(pose, performers=row) for pose, row in zip(poses, zip(*columns, strict=True), strict=True)]
 
 
 def calm_performer(poses: Sequence[PerformerPose]) -> list[PerformerPose]:
-    """Return all poses of one performer, each calmed by its neighbours."""
+    """Return all poses of one performer, each smoothed by its neighbours."""
     return [_calmed(poses, at) for at in range(len(poses))]
 
 
@@ -80,7 +80,7 @@ def _goes_on(before: PerformerPose, pose: PerformerPose) -> bool:
 
 
 def _mean(poses: Sequence[PerformerPose], shown: PerformerPose) -> PerformerPose:
-    """Return one of the poses as a line through all of them, fitted with weights by time, gives it."""
+    """Return one of the poses, moved onto a line that is fitted to all of them with weights by time."""
     weights = _weights(np.array([pose.time_s for pose in poses]) - shown.time_s)
     turns = np.array([pose.rotations for pose in poses])
     away = rot.to_rotation_vector(rot.multiply(rot.conjugate(shown.rotations), turns))
@@ -90,7 +90,7 @@ def _mean(poses: Sequence[PerformerPose], shown: PerformerPose) -> PerformerPose
 
 
 def _weights(elapsed_s: Array) -> Array:
-    """Return the share (N,) of each pose in the line's value at time 0."""
+    """Return the weight (N,) of each pose in the fitted line's value at time 0."""
     weights = np.exp(-0.5 * (elapsed_s / _S.sigma_s) ** 2)
     mass, moment, spread = (float(weights @ elapsed_s**power) for power in range(3))
     return np.asarray(weights * (spread - moment * elapsed_s) / (mass * spread - moment**2))

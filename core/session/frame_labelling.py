@@ -19,18 +19,18 @@ from ..solver.observation import Observation
 from ..solver.subject_model import SubjectModel
 from .label_check import Alternative, LabelCheck
 
-_EXAMPLES = 2048  # number of database poses for labels without history
-_EVERY = 2  # step between the examples that label points
+_EXAMPLES = 2048  # number of database poses for labelling without history
+_EVERY = 2  # step between those of them that are used to label points
 _SAME_M = 0.02  # distance up to which two points are the same
 _NOTHING_COST = 8.0  # cost of each point of a frame without labels
-_FIT_M, _UNFIT_M = 0.01, 0.03  # deviation of markers from the solved body that costs 0.5 each; largest counted
+_FIT_M, _UNFIT_M = 0.01, 0.03  # distance of a marker from the solved body that costs 0.5; largest one counted
 
 
 class AlternativeLabels(NamedTuple):
     """Alternative labels of a solved frame."""
 
     observation: Observation
-    nearer: float  # they are accepted if the closest example's distance falls below this share
+    nearer: float  # they are accepted if the distance to the closest example falls below this share of the present one
     adds: bool  # they only label points that had no label
     keeps_torso: bool  # the torso markers keep their points, so that the pose shows where the torso is
     labeller: Labeller  # follows these labels
@@ -83,16 +83,16 @@ class FrameLabeller:
         self._check = LabelCheck(self._initial, self._torso)
 
     def confidence(self, frame: MarkerFrame, seen: Mask) -> float:
-        """Return the factor by which the labels of the markers (M,) that any camera sees lower a pose's confidence."""
+        """Return the factor by which uncertain labels lower a pose's confidence, see `LabelCheck.confidence`."""
         return self._check.confidence(frame, seen)
 
     def find_alternative(
         self, frame: MarkerFrame, elapsed_s: float, pose: PerformerPose, busy: bool = False
     ) -> AlternativeLabels | None:
-        """Return alternative labels of a solved frame if it has made some likely.
+        """Return alternative labels of a solved frame if it makes some likely.
 
         Args:
-            busy: The frame was already expensive, so the search rests.
+            busy: The frame was already expensive, so the search pauses.
         """
         alternative = self._check.step(frame, elapsed_s, pose, self._labeller.is_confident, busy)
         if alternative is None:  # a pose that has just become suspect confirms nothing
@@ -104,7 +104,7 @@ class FrameLabeller:
         away = np.linalg.norm(frame.points_m[:, None] - pose.observed_m[None], axis=-1)
         points, markers = np.nonzero(away < _SAME_M)
         labels[np.isin(labels, np.flatnonzero(is_confident))] = -1
-        # an unlabelled point keeps its current label, which it got after the search began
+        # a point that the search left unlabelled keeps its current label, which is newer
         kept = is_confident[markers] | ((labels[points] < 0) & ~np.isin(markers, labels))
         labels[points[kept]] = markers[kept]
         is_same = labels[points] == markers
@@ -208,5 +208,5 @@ class FrameLabeller:
 
 
 def is_labelled(frame: MarkerFrame) -> bool:
-    """Return whether the source knows the labels."""
+    """Return whether the source gave labels."""
     return bool(np.any(frame.labels >= 0) or np.any(frame.single_labels >= 0))

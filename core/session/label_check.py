@@ -13,33 +13,31 @@ from ..labelling.labeller import Labeller
 from ..markers.marker_frame import MarkerFrame
 
 _FIRST_S, _RARE_S = 0.03, 1.0  # first and longest pause between checks; it doubles while the labels are certain
-_SUSPECT_S = 0.1  # longest pause for a suspect pose, and between two comparisons with the database
+_SUSPECT_S = 0.1  # longest pause for a suspect pose; also the pause between two comparisons with the database
 _SUSPECT = 0.5  # confidence per located marker below which a pose is suspect
 _STRAYS = 2  # number of unlabelled points, with as many hidden markers, that makes labels suspect
 _TORSO_MARKERS = 2  # fewest located torso markers for a pose that is not suspect
 _ENOUGH = 0.6  # share of the markers that must be located for a check
 _SAME_M = 0.02  # distance up to which two points are the same
-_UNCERTAIN = 0.3  # least factor for the confidence while the labels are uncertain
-_MISPLACED_M = (
-    0.1  # RMS distance by which other likely labels move the markers, at which it has fallen to 1/e of the rest
-)
+_UNCERTAIN = 0.3  # smallest factor for the confidence while the labels are uncertain
+_MISPLACED_M = 0.1  # RMS displacement of the markers by other likely labels over which the factor falls towards that
 
 # gains are log likelihood ratios of alternative to current labels, nats
 _CERTAIN = -2.0  # best gain below which one check confirms the current labels
-_UNCLEAR = -0.8  # best gain above which a check does not confirm them; checks between these add up
+_UNCLEAR = -0.8  # best gain above which a check does not confirm them; checks with gains in between add up
 _CONFIRMATIONS = 3.0  # confirmation needed for the labels of a suspect pose; 1 for others
 _BETTER = 1.0  # best gain above which the labels are uncertain again
 _PLAUSIBLE = -4.0  # evidence needed to try alternative labels of a suspect pose
-_NEARER = 0.7  # these replace the labels if the closest example's distance falls below this share
+_NEARER = 0.7  # these replace the labels if the distance to the closest example falls below this share
 _LEAST = -10.0  # lower bound on the evidence for an alternative
-_PROVEN = 5.0  # evidence that replaces labels if no example gets farther; gain needed if more markers get labels
+_PROVEN = 5.0  # evidence that replaces labels if the closest example gets no farther; gain that adds further labels
 _DECISIVE = 8.0  # gain that replaces labels in any case
 _FOLLOWED = 10.0  # penalty for relabelling markers that were tracked confidently
 _INDEPENDENT_S = 0.3  # time after which a check of such labels is independent of the last one; earlier it counts less
 _GONE_S = 0.1  # time without a pose after which earlier checks no longer count
 
 Renaming: TypeAlias = tuple[int, ...]  # see `LabelCheck._renaming`
-_NEW = -2  # marks in a renaming that an unlabelled point gets the label
+_NEW = -2  # entry of a renaming for a marker whose alternative point is unlabelled now
 
 
 class Alternative(NamedTuple):
@@ -48,7 +46,7 @@ class Alternative(NamedTuple):
     search: LabelSearch
     labels: IntArray  # (N,)
     renaming: Renaming
-    nearer: float  # they are accepted if the closest example's distance falls below this share
+    nearer: float  # they are accepted if the distance to the closest example falls below this share of the present one
     contradicts: bool  # they relabel markers that were tracked confidently
 
 
@@ -74,18 +72,18 @@ class LabelCheck:
         self._wait_s, self._checked_s, self._tried_s = _FIRST_S, -np.inf, -np.inf
 
     def begin(self, time_s: float, start: InitialLabels | None = None) -> None:
-        """Initialise the confidence of new labels; if a search found them, from its alternatives."""
+        """Initialise the confidence in new labels; if a search found them, from its alternatives."""
         self._checked_s, self._were_certain = time_s, False
         if start is not None:
             self._confirmed = _confirmation(max((start.cost - cost for _, cost in start.alternatives), default=-np.inf))
 
     @property
     def confirmed_markers(self) -> Mask:
-        """Markers (M,) located since the last check, which therefore applies to them."""
+        """Markers (M,) that were located in all frames since the last check, so that it applies to them."""
         return self._compared
 
     def is_certain(self, frame: MarkerFrame, seen: Mask) -> bool:
-        """Return whether nothing speaks against the labels.
+        """Return whether there is no evidence against the labels.
 
         Args:
             seen: Markers (M,) that any camera sees.
@@ -95,8 +93,8 @@ class LabelCheck:
     def confidence(self, frame: MarkerFrame, seen: Mask) -> float:
         """Return the factor by which the labels lower a pose's confidence; arguments are those of `is_certain`.
 
-        Uncertain labels lower it by how far other likely labels would move the markers: which of two neighbours is
-        which hardly changes a pose.
+        The farther other likely labels would move the markers, the lower it is: exchanging two adjacent markers hardly
+        changes a pose.
         """
         if self.is_certain(frame, seen):
             return 1.0
@@ -107,11 +105,11 @@ class LabelCheck:
     def step(
         self, frame: MarkerFrame, elapsed_s: float, pose: PerformerPose, is_confident: Mask, busy: bool = False
     ) -> Alternative | None:
-        """Return alternative labels if this frame has made some likely.
+        """Return alternative labels if this frame makes some likely.
 
         Args:
             is_confident: Markers (M,) that have been tracked confidently since the labels were certain.
-            busy: The frame was already expensive, so the search rests.
+            busy: The frame was already expensive, so the search pauses.
         """
         self._compared = self._compared & np.isfinite(pose.observed_m[:, 0])
         if _GONE_S < pose.time_s - self._stepped_s < np.inf:
@@ -190,7 +188,7 @@ class LabelCheck:
         if not others or (most < 0.0 and not is_found):
             return None
         best = max(gains, key=lambda other: (self._evidence[other], gains[other]))
-        # a point that gets a label is no evidence for relabelling the others
+        # a label for another point is not evidence for relabelling the rest
         added = [renaming for renaming in gains if self._only_adds(renaming)]
         if added and _NEW in best and gains[best] - max(map(gains.__getitem__, added)) < _PROVEN:
             best = max(added, key=gains.__getitem__)
@@ -250,7 +248,7 @@ class LabelCheck:
         return tuple(np.where(hidden, np.arange(len(names)), names).tolist())
 
     def _moved_m(self, search: LabelSearch, labels: IntArray) -> float:
-        """Return the RMS distance by which other labels (N,) move the markers that both locate; infinite for none."""
+        """Return the RMS distance by which other labels (N,) move the markers that both locate, else infinity."""
         other = np.full(self._current_m.shape, np.nan)
         other[labels[labels >= 0]] = search.points_m[labels >= 0]
         squares = np.sum((other - self._current_m) ** 2, axis=1)

@@ -14,7 +14,7 @@ from ..body.standard_skeleton import JOINT_NAMES, SPINE_JOINTS
 from ..geometry.arrays import Array, evenly
 from ..markers.marker_set import MarkerSet
 
-# A marker beyond its hinge determines a limb: the hand shows how the elbow bends, the foot how the knee does.
+# A marker beyond its hinge determines a limb: the hand shows how the elbow bends, the foot how the knee bends.
 _LIMBS = {"arm": ("radius", "wrist", "hand", "fingers", "thumb"), "leg": ("tibia", "foot", "toes")}
 LIMBS = {
     f"{side} {limb}": tuple(side[0] + joint for joint in joints)
@@ -46,7 +46,7 @@ class LimbCoverage:
         placed: Those positioned from the motion.
         left_out: Markers of the take near it that were not used.
         distance_m: Median distance between located and solved markers, NaN if there are none.
-        distance_95_m: Distance that 95 % of them do not exceed.
+        distance_95_m: 95th percentile of these distances.
     """
 
     limb: str
@@ -122,17 +122,17 @@ def near_limbs(motion: Motion, points_m: Array) -> dict[str, int]:
 
 
 def coverage_text(marker_set: MarkerSet, shown: Sequence[str], lacking: Sequence[str]) -> str:
-    """Return in words how many of a take's markers were used, and which limbs none of them determines."""
+    """Return a sentence on how many of a take's markers were used, and which limbs none of them determines."""
     used = [marker for marker in marker_set.markers if marker.name in shown]
     placed = sum(marker.placed for marker in used)
     counts = [(placed, "placed by the motion"), (len(shown) - len(used), "left out")]
     text = f"{len(used) - placed} of {len(shown)} markers known"
     text += "".join(f", {count} {what}" for count, what in counts if count)
-    return text + (f"; no marker holds the {', the '.join(lacking)}" if lacking else "")
+    return text + (f"; no marker determines the {', the '.join(lacking)}" if lacking else "")
 
 
 def open_limbs(marker_set: MarkerSet, names: Sequence[str]) -> list[str]:
-    """Return the limbs, and the trunk, that the complete set determines, but not its markers `names` alone."""
+    """Return the limbs, or the trunk, that the complete set determines and its markers `names` do not."""
     carried = {marker.joint for marker in marker_set.markers}
     shown = {marker.joint for marker in marker_set.markers if marker.name in names}
     return [limb for limb, joints in _HELD.items() if carried & set(joints) and not shown & set(joints)]

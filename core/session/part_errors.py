@@ -10,14 +10,15 @@ from ..geometry.arrays import Array, Mask
 from ..solver.solution import Solution
 from ..solver.subject_model import SubjectModel
 
-# Expected errors of parts with standard deviations of 1 degree, 1 m from the closest example; 95 % of the errors are
-# within twice that. Scales and powers were fitted to 64 CMU takes that the database lacked, with or without their
-# performers.
+# Expected errors of parts whose standard deviation is 1 degree, at 1 m from the closest example; 95 % of the errors are
+# within twice that. Scales and powers were fitted to 64 CMU takes that were not in the database, with and without other
+# takes of their performers.
 _ERRORS_DEG = {"torso": 6.2, "head": 7.7, "arm": 6.7, "hand": 13.0, "leg": 9.1, "foot": 12.4}
 _SIGMA_POWER, _NEAREST_POWER, _NEAREST_M = 0.8, 0.3, 0.01
-# The same for joints of either side, fitted to 80 frames of each of 28 CMU takes (without the take, its performer or
-# its kind of motion, or with the embedded motion only) and of ten takes of another studio, half of them with 3 mm of
-# noise and a tenth of the markers lost. CMU's clavicles and fingers do not move: these have their parts' values.
+# The same for joints of either side, fitted to 80 frames of each of 28 CMU takes (by databases without the take, its
+# performer or its kind of motion, or with the embedded motion only) and of ten takes of another studio, half of them
+# with 3 mm of noise and a tenth of the markers hidden. CMU's clavicles and fingers do not move, so they have their
+# parts' values.
 _JOINT_ERRORS_DEG = {
     "lowerback": 6.7, "upperback": 5.7, "thorax": 7.1, "lowerneck": 9.6, "upperneck": 9.1, "head": 6.8,
     "lclavicle": 6.7, "lhumerus": 11.6, "lradius": 7.8, "lwrist": 11.8, "lhand": 18.2, "lfingers": 13.0, "lthumb": 22.7,
@@ -58,13 +59,14 @@ class PartErrors:
         for part, markers in zip(PARTS, self._markers, strict=True):
             if part not in parts:
                 continue
-            worn = "marker is" if np.sum(markers) == 1 else "markers are"
+            is_one = np.sum(markers) == 1
             if markers.any() and not (pose.seen & markers).any():
-                notes.append(PoseNote.uncertain(part, f"its {worn} hidden"))
+                reason = "its marker is hidden" if is_one else "its markers are hidden"
             elif not fits[markers].all():
-                notes.append(PoseNote.uncertain(part, f"its {worn} elsewhere"))
+                reason = "its marker does not fit" if is_one else "its markers do not fit"
             else:
-                notes.append(PoseNote.uncertain(part, "this motion of it is not in the database"))
+                reason = "its motion is not in the database"
+            notes.append(PoseNote.uncertain(part, reason))
         return notes
 
 
@@ -82,7 +84,7 @@ def _expected(variances: Array, solution: Solution) -> Array:
 
 
 def _unsided(joint: str) -> str:
-    """Return the name of the corresponding joint on the left side."""
+    """Return the name of a joint's counterpart on the left side, or of the joint itself."""
     return "l" + joint[1:] if joint[0] == "r" else joint
 
 

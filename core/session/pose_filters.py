@@ -23,7 +23,7 @@ class FilterSettings:
         0.0
     )
     feet: Annotated[str, About("mode of `FootLock`")] = "off"
-    immediate: Annotated[bool, About("a capture shows poses as solved, not two frames later and calmer")] = False
+    immediate: Annotated[bool, About("show a capture's poses as solved, not smoothed two frames later")] = False
 
     @staticmethod
     def of_table(table: Table) -> "FilterSettings":

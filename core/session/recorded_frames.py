@@ -18,7 +18,7 @@ from ..markers.marker_frame import MarkerFrame
 from .multi_target_session import MultiTargetSession
 
 _LEAD = 10  # frames with known labels before the body is tracked backwards or forwards
-_LABELLED = 5  # number of these, the last ones, that keep their labels when it is tracked backwards
+_LABELLED = 5  # number of these, at their end, that keep their labels when the body is tracked backwards
 _FOLLOWED = 30  # number of frames solved again after those with new labels
 _AGREEING = 5  # successive frames with the same labels that end the backward tracking
 _SAME_M = 0.005  # distance up to which two points are the same
@@ -42,7 +42,7 @@ def relabel(
 
     Args:
         poses: Live poses of the frames.
-        begun: Ascending frames from which on labels are new.
+        begun: Ascending indices of the frames from which on labels are new.
         session: Session that solved them; it is reset.
         progress: Called with the fraction done.
     """
@@ -100,7 +100,7 @@ def _solve_again(
     """Solve relabelled frames, and some after them, with their labels, in place.
 
     Args:
-        most: Largest confidence (F, P): that of the frames in which the labels were found.
+        most: Upper bound (F, P) on the confidence: that of the frames in which the labels were found.
     """
     session.reset()
     start, stop = relabelled

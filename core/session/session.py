@@ -29,7 +29,7 @@ from .part_errors import PartErrors, doubtful_joints
 from .tracking_quality import TrackingQuality, assess_fit, tracking_of
 
 _FASTEST_M_S = 10.0  # speed that no torso reaches
-_WORN_S = 0.2  # time over which the place of a marker on the body is averaged
+_WORN_S = 0.2  # time constant with which the place of a marker on the body is averaged
 _WORSE_M = 0.004  # RMS distance by which alternative labels may fit the body worse than the current ones
 
 
@@ -37,9 +37,9 @@ class _Tracked(NamedTuple):
     """A labelled and solved frame."""
 
     observation: Observation  # markers that are believed
-    known_m: Array  # (M, 3) positions of these as solved: smoothed, and extrapolated while hidden for a moment
+    known_m: Array  # (M, 3) their positions for the solver: smoothed, and extrapolated while briefly hidden
     doubted: Mask  # (M,) markers that jumped
-    exchanged: Mask  # (M,) markers whose labels were exchanged, and are put back
+    exchanged: Mask  # (M,) markers whose exchanged labels were corrected
     solution: Solution | None
 
 
@@ -81,7 +81,8 @@ class Session:
         """Return the next frame's pose; for a frame with an impossible time, the last pose again.
 
         Args:
-            check_labels: Compare found labels of a tracked body with alternatives, and doubt given ones that jump.
+            check_labels: Compare the labels found for a tracked body with alternatives, and doubt given labels whose
+                markers jump.
         """
         if not self._times.admit(frame.time_s):
             return self.refuse(frame)
@@ -126,7 +127,7 @@ class Session:
         return self.labeller.expected(self._state.markers_m, self._elapsed_s(time_s))
 
     def restart(self, reason: NoteKind | None = None) -> None:
-        """Forget labels and pose, so that the next frame is treated like the first; its pose tells the reason."""
+        """Forget labels and pose, so that the next frame is treated like the first and its pose notes the reason."""
         self._decisions = [reason] if reason else []
         self.labeller.reset()
         self._forget()
@@ -135,7 +136,7 @@ class Session:
         """Forget the pose, so that the next frame is solved like the first."""
         self._state = self.solver.initial_state
         self._marker_velocities = None
-        self._apart_m = np.full((len(self.subject.marker_set), 3), np.nan)  # of seen markers from the body's
+        self._apart_m = np.full((len(self.subject.marker_set), 3), np.nan)  # of observed markers from solved ones
         self._labelled_s: float | None = None  # when one camera's labels were found
         self._smoother = MarkerSmoother(len(self.subject.marker_set), self._source)
         self._quality.reset()
@@ -160,16 +161,17 @@ class Session:
         return _Tracked(observation, smoothed.points_m, found.believed.doubted, found.believed.exchanged, solution)
 
     def _carried(self, time_s: float) -> Carried:
-        """Return what the last two poses say about the markers at a time."""
+        """Return where the last two poses put the markers at a given time."""
         carried_m, torso = np.full((len(self.subject.marker_set), 3), np.nan), self._model.torso
         if self._state.markers_m is not None and self._marker_velocities is not None:
             slow = torso & (np.linalg.norm(self._marker_velocities, axis=1) < _FASTEST_M_S)  # faster: after a cut
-            worn_m = self._state.markers_m + np.nan_to_num(self._apart_m)  # where on the body it is worn is not exact
+            # a marker is not worn exactly where the body model has it
+            worn_m = self._state.markers_m + np.nan_to_num(self._apart_m)
             carried_m[slow] = (worn_m + self._elapsed_s(time_s) * self._marker_velocities)[slow]
         return Carried(carried_m, self._last is not None and self._last.confidence >= DOUBTFUL)
 
     def _note_markers(self, before_m: Array | None, observation: Observation, elapsed_s: float) -> None:
-        """Remember how fast the body's markers move, and how far from them the believed ones are on average."""
+        """Remember the velocities of the solved markers, and the mean offsets of the observed ones from them."""
         if self._state.markers_m is None:
             return
         if before_m is not None and elapsed_s > 0.0:
@@ -195,7 +197,7 @@ class Session:
         limit_m, fresh = alternative.nearer * solution.nearest_m, self.solver.initial_state
         if alternative.keeps_torso:
             fresh = self.solver.begin_at_torso(solution)
-            if limit_m < np.inf and not alternative.adds:  # the pose's history may keep it from an example
+            if limit_m < np.inf and not alternative.adds:  # the history may keep the pose away from a closer example
                 limit_m = min(limit_m, alternative.nearer * self.solver.closest_m(fresh, observation))
         if (
             alternative.adds
@@ -208,7 +210,7 @@ class Session:
         )
         if found is None:
             return
-        # compared on the markers that both have, because a larger number fits worse
+        # compare on the markers that both label, because more markers fit worse
         seen = alternative.observation.located & np.isfinite(pose.observed_m[:, 0])
         away_m = np.linalg.norm(found.markers_m[seen] - alternative.observation.points_m[seen], axis=1)
         if np.any(seen) and np.sqrt(np.mean(away_m**2)) > pose.marker_rms_m + _WORSE_M:

@@ -43,7 +43,7 @@ def solve_take(
     """Solve a labelled take, including markers seen by single cameras.
 
     Args:
-        causal: Solve each pose from earlier frames only, as live, instead of in both directions (`two_way_solve`).
+        causal: Solve each pose from earlier frames only, as when live, instead of in both directions (`two_way_solve`).
     """
     setup = CaptureSetup(take.single.rig if take.single else None, (subject,), (), database, settings)
     frames = list(take_frames(take, subject.marker_set))
@@ -57,10 +57,10 @@ def solve_take(
 def fill_take(
     take: MarkerTake, subject: Subject, database: Database, noise_hz: float | None, progress: Progress
 ) -> tuple[MarkerTake, SolvedTake]:
-    """Return a labelled take with its gaps filled by means of the body, and the solved body.
+    """Return a labelled take with its gaps filled using the solved body, and that solve.
 
     Args:
-        noise_hz: Cut-off for filtering measured markers with the help of the body; None for no filter.
+        noise_hz: Cut-off for filtering the measured markers using the solved body; None for no filter.
     """
 
     def solved_body(seen: MarkerTake) -> tuple[SolvedTake, Motion]:
@@ -87,7 +87,7 @@ def solve_recorded(
 
     Args:
         frames: Its marker frames, or others made from its 2D detections.
-        causal: Find labels and poses from earlier frames only, as live.
+        causal: Find labels and poses from earlier frames only, as when live.
 
     Raises:
         TakeError: There are no two frames with different times.
@@ -139,7 +139,7 @@ def solve_frames(
     """Return the poses of frames, without motions; see `Session.step` about `check_labels`.
 
     Labels that the session finds or replaces also apply before that moment, as long as they explain the markers better;
-    if `causal`, they apply from that moment only, as live.
+    if `causal`, they apply from that moment only, as when live.
     """
     poses: list[ScenePose] = []
     seconds, begun = [], []

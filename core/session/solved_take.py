@@ -42,7 +42,7 @@ class SolvedTake:
         poses: Poses of all performers and props, one per frame.
         motions: Motion of each performer at a steady rate.
         seconds: Computing time of each frame (F,), without the second pass of a solve in both directions.
-        relabelled: Frames (F,) whose labels were corrected by later frames.
+        relabelled: Mask (F,) of the frames whose labels were corrected with the help of later frames.
         clock: Times of the poses in the motions, and the motions' steady rate; None for poses alone.
         finish: Smoothing and foot lock of the motions; None if there is neither.
         setup: Cameras, performers, props, database and settings of this solve; None for poses alone.
@@ -108,7 +108,7 @@ class SolvedTake:
         """Return the motions at another rate, resampled by the times of the poses; None keeps the take's rate."""
         if rate_hz is None or self.setup is None or self.clock is None:
             return tuple(motion if rate_hz is None else resampled(motion, rate_hz) for motion in self.motions)
-        # motions are finished at a multiple of a lower rate: smoothing needs the take's own
+        # for a lower rate, motions are finished at a multiple of it, because smoothing needs about the take's own rate
         every = max(1, math.ceil(self.clock.fps / rate_hz)) if self.finish else 1
         poses, clock, found = self.recorded_poses(), self.clock.at(every * rate_hz), []
         for index, subject in enumerate(self.setup.performers):
@@ -152,7 +152,7 @@ class SolvedTake:
         rate_hz: float | None = None,
         capture: Mapping[str, Any] | None = None,
     ) -> None:
-        """Write the motion or the whole take, depending on the file name's ending.
+        """Write the motion or the whole take, depending on the file's extension.
 
         Motions of further performers and poses of props are written next to the motion, see `motion_paths`.
 
@@ -164,7 +164,7 @@ class SolvedTake:
             capture: Origin of the markers, stored in a recorded take made from a marker take.
 
         Raises:
-            FormatError: The ending is not supported, the path cannot be written, or it is the take itself.
+            FormatError: The extension is not supported, the path cannot be written, or it is the take itself.
         """
         if is_recorded(path):
             self._save_take(path, capture or {})
@@ -187,7 +187,11 @@ class SolvedTake:
     def _save_take(self, path: Path | str, capture: Mapping[str, Any]) -> None:
         """Write a recorded take; one that was solved again keeps its notes and events."""
         if self.setup is None:
-            raise FormatError("cannot be written: the markers of these poses are unknown", where=str(path))
+            raise FormatError(
+                "cannot be written: the markers of these poses are unknown",
+                where=str(path),
+                advice="write a motion file instead",
+            )
         take, stamps_s = self.recording, [stamp_s for stamp_s, _ in self.frames]
         poses = [
             TimedPose(pose, stamp_s, float(seconds))

@@ -7,7 +7,7 @@ import numpy as np
 from ..body.clock import Clock, clock_of
 from ..body.motion import Motion
 from ..body.scene_pose import PerformerPose, ScenePose
-from ..errors import TakeError
+from ..errors import TakeError, counted
 from ..geometry.arrays import Array
 from ..markers.subject import Subject
 
@@ -26,7 +26,7 @@ def pose_clock(
     try:
         return clock_of(np.array([pose.time_s for pose in poses]), stated_fps)
     except TakeError as error:
-        what = f"has {len(poses)} poses, too few for a motion"
+        what = f"has {counted(len(poses), 'pose')}, too few for a motion"
         raise TakeError(what, where=where, advice="record a longer take") from error
 
 

@@ -20,7 +20,8 @@ class TrackingSettings:
     explained_m: float = 0.03  # distance between solved and observed markers at which the confidence has fallen to 1/e
     familiar_m: float = 0.15  # distance to the closest example at which the confidence has fallen to 1/e
     wrong_m: float = 0.10  # distance between solved and observed markers above which labels or pose are wrong
-    lasting: tuple[float, float] = (3.5, 8.0)  # added to both distances, in RMS lengths of the source's lasting errors
+    # multiples of the source's lasting errors (RMS length) that are added in quadrature to explained_m and wrong_m
+    lasting: tuple[float, float] = (3.5, 8.0)
     wrong_for_s: float = 0.5  # time with wrong markers after which labelling restarts
     lost_for_s: float = 1.0  # time with too few torso markers after which labelling restarts
     torso_markers: int = 2  # fewest torso markers of a tracked body
@@ -31,7 +32,7 @@ SETTINGS = TrackingSettings()
 
 def tracking_of(source: SourceNoise) -> TrackingSettings:
     """Return the thresholds for points with the errors of a source."""
-    lasting_m = math.sqrt(3.0) * source.lasting_m  # RMS length of such errors
+    lasting_m = math.sqrt(3.0) * source.lasting_m  # RMS length, from the standard deviation per axis
     explained_m, wrong_m = (
         math.hypot(usual_m, times * lasting_m)
         for usual_m, times in zip((SETTINGS.explained_m, SETTINGS.wrong_m), SETTINGS.lasting, strict=True)
@@ -77,7 +78,7 @@ class TrackingQuality:
     """Decides when a tracked body is lost.
 
     Args:
-        one_camera: Markers on the camera's rays count as seen.
+        one_camera: Count markers on the camera's rays as seen.
     """
 
     def __init__(self, torso: Mask, one_camera: bool, settings: TrackingSettings = SETTINGS) -> None:
@@ -90,7 +91,7 @@ class TrackingQuality:
         self._unseen, self._wrong = _Lapse(), _Lapse()
 
     def reason_lost(self, pose: PerformerPose) -> NoteKind | None:
-        """Return whether the torso was hidden or the pose wrong for too long; None if neither was."""
+        """Return why the body is lost: the torso was hidden or the pose wrong for too long; None if it is not lost."""
         settings, now_s = self.settings, pose.time_s
         seen = np.isfinite(pose.observed_m[:, 0])
         if self._one_camera:

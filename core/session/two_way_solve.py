@@ -38,11 +38,12 @@ from .part_errors import PartErrors
 _SHORTEST = 12  # shortest stretch that is solved again, frames
 _PAUSE_S = 0.25  # time without a pose after which a new motion begins
 _CUT_M_S = 9.0  # median speed of the markers above which a new motion begins: bodies are slower
-_WEIGHT_POWER = 4.0  # power of its expected error by which a trajectory's weight falls
+_WEIGHT_POWER = 4.0  # a trajectory's weight falls with this power of its expected error
 _WEIGHT_S = 0.25  # standard deviation of the time window in which these errors are averaged
-_UNKNOWN_DEG = 90.0  # assumed for parts with an unknown error
+_UNKNOWN_DEG = 90.0  # error assumed for parts whose error is unknown
 _SMOOTH_HZ = 8.0  # cut-off for the trajectory of whatever no marker shows
-_CALM_SHARE = 0.27  # highest cut-off for the fitted poses, which follow remaining marker noise, share of the frame rate
+# Highest cut-off for the fitted poses, which follow the remaining marker noise, as a share of the frame rate.
+_CALM_SHARE = 0.27
 _CALM_STEP_HZ = 0.25  # step between the cut-offs that are tried
 _REPORT_EVERY = 30  # frames between two reports of progress
 _TOGETHER = 128  # frames for which priors or fits are computed at once
@@ -96,7 +97,7 @@ class TwoWaySolver:
     def _fitted(
         self, poses: Sequence[PerformerPose], trajectory: _Trajectory, clock: Clock, observations: Sequence[Observation]
     ) -> list[PerformerPose]:
-        """Return the trajectory fitted to the markers, whose gaps it fills itself."""
+        """Return the trajectory fitted to the markers, after it has filled their gaps."""
         model = self._solver.subject
         motion = self._low_passed(trajectory.rotations, trajectory.root_positions_m, clock, _SMOOTH_HZ)
         marker_set = model.subject.marker_set
@@ -134,7 +135,7 @@ class TwoWaySolver:
     def _calm(self, poses: list[PerformerPose], clock: Clock) -> list[PerformerPose]:
         """Return the poses of a stretch without jitter faster than this body moves.
 
-        The cut-off falls while that changes no joint by more than the source's lasting errors hide.
+        The cut-off is lowered as long as this moves no joint by more than the source's lasting errors hide.
         """
         rotations, roots_m = (
             np.array([getattr(pose, of) for pose in poses]) for of in ("rotations", "root_position_m")
@@ -152,7 +153,7 @@ class TwoWaySolver:
         return [replace(pose, rotations=turns, root_position_m=root_m) for pose, turns, root_m in shown]
 
     def _low_passed(self, rotations: Array, root_positions_m: Array, clock: Clock, cutoff_hz: float) -> Motion:
-        """Return poses low-pass filtered by their times, frame by frame; unchanged if there is nothing to remove."""
+        """Return poses low-pass filtered by their times; unchanged if the cut-off is above half the frame rate."""
         poses = rotations, root_positions_m
         if clock.fps > 2.0 * cutoff_hz:
             poses = smooth_poses(clock, *poses, cutoff_hz)
@@ -200,7 +201,7 @@ def _stretches(poses: Sequence[PerformerPose]) -> list[tuple[int, int]]:
 
 
 def _started(poses: Sequence[PerformerPose]) -> list[PerformerPose]:
-    """Return the poses with those before the first solved one replaced by it, instead of a T pose."""
+    """Return the poses, with the first solved pose instead of the T pose in the frames before it."""
     first = next((index for index, pose in enumerate(poses) if _is_solved(pose)), 0)
     started = list(poses)
     for index in range(first):

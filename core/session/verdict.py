@@ -33,13 +33,13 @@ class VerdictSettings:
     wrong_m: float = 0.1  # median distance of markers from the body over the take above which no body was found
     limb_m: float = 0.08  # the same for the markers of one limb: a hand's width
     measured_share: float = 0.5  # share of both limits that holds for measured bodies: their markers are within 20 mm
-    noise_sigmas: float = 3.0  # added to all three limits: the source's lasting errors, in standard deviations
+    noise_sigmas: float = 3.0  # number of standard deviations of the source's lasting errors added to all three limits
     stretch_m: float = 0.12  # median distance of a limb's markers in one frame above which the frame is doubtful
     stretch_s: float = 0.2  # shortest doubtful stretch
     bone_factor: float = 2.0  # largest ratio of a bone's length to what the rest suggests, or its inverse
-    hover_m: float = 0.3  # height of the lower foot's joint above the floor
-    hover_share: float = 0.1  # smallest share of frames with a foot below that height
-    sink_m: float = 0.15  # depth of the lower foot below the floor in most frames
+    hover_m: float = 0.3  # largest height of the lower foot's joint above the floor
+    hover_share: float = 0.1  # smallest share of the frames in which it must be below that height
+    sink_m: float = 0.15  # largest depth of the lower foot's joint below the floor, median over the frames
     duration_s: float = 0.02  # largest difference from the source's duration
     duration_share: float = 0.01  # the same as a share of the duration
 
@@ -52,7 +52,7 @@ class ReasonKind(Enum):
     SIZE = auto()
     UPRIGHT = auto()
     FLOOR = auto()
-    LABELS = auto()  # which marker is which was guessed
+    LABELS = auto()  # the labels were guessed
     LIMB = auto()  # a limb is away from its markers
     DURATION = auto()
     STRETCH = auto()  # part of the take is doubtful
@@ -160,7 +160,7 @@ class _Limits(NamedTuple):
 
 
 def _limits_of(subject: Subject | None) -> _Limits:
-    """Return the limits for a performer: closer for measured marker places, wider for points with lasting errors."""
+    """Return the limits for a performer: tighter for measured bodies, wider for points with lasting errors."""
     if subject is None:
         return _Limits(_S.wrong_m, _S.limb_m, _S.stretch_m)
     share = _S.measured_share if subject.residual_m > 0.0 else 1.0
@@ -218,8 +218,8 @@ def _fit_reasons(
     off_m = max(fitted_m, float(np.median(known)) if len(known) else 0.0)
     if off_m >= limits.wrong_m:
         text = (
-            f"no body fits the markers: the solved ones are {1e3 * off_m:.0f} mm off; "
-            "check their names, the unit and the subject"
+            f"no body fits the markers: the best one is {1e3 * off_m:.0f} mm off; "
+            "check the markers' names, the unit and the subject"
         )
         return [Reason(ReasonKind.MARKERS, text)]
     far = [limb for limb in limbs if limb.distance_m > limits.limb_m]

@@ -10,7 +10,7 @@ from ..geometry.arrays import Array
 from ..markers.marker_noise import marker_noise
 
 SHORTEST_S = 5.0  # enough for steps with both legs and swings of both arms
-# Limits above which a figure needs improvement. The simulated studio reaches 0, 60, 0.05, 0.0001, 0.001, 0.92.
+# Limits beyond which a figure needs improvement. The simulated studio reaches 0, 60, 0.05, 0.0001, 0.001, 0.92.
 _LOST, _FPS, _HIDDEN, _NOISE_M, _RMS_M, _CONFIDENCE = 0.05, 25.0, 0.25, 0.003, 0.03, 0.7
 _HIDDEN_ON_AVERAGE = 0.1
 _POOR = 2.0  # multiple of a limit above which the verdict is poor
@@ -76,7 +76,7 @@ def _problems(figures: WalkFigures, marker_texts: Sequence[str]) -> list[tuple[f
         (figures.lost / _LOST, f"{figures.lost:.0%} of the images are lost: close other programs, or lower the rate"),
         (
             _FPS / figures.fps,
-            f"only {figures.fps:.0f} images come each second: use a shorter exposure, or other cameras",
+            f"only {figures.fps:.0f} images arrive each second: use a shorter exposure, or other cameras",
         ),
         (most / _HIDDEN, f"{where}: turn or raise a camera"),
         (usual / _HIDDEN_ON_AVERAGE, f"markers are hidden {usual:.0%} of the time: check light, focus and exposure"),

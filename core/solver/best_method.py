@@ -21,31 +21,32 @@ from .settings import BestSettings
 from .solution import Estimate
 from .subject_model import RootPose, SubjectModel
 
-_KERNEL = 0.2  # distance, as a share of the largest, at which an example's weight has fallen to 1/e
-_HISTORY_SHARE = 0.3  # weight of squared distances of earlier markers relative to current ones
+_KERNEL = 0.2  # Eq. 2 distance, as a share of the largest, at which an example's weight falls to 1/e
+_HISTORY_SHARE = 0.3  # weight of the earlier markers' squared distances relative to the current ones'
 _BROAD_SAMPLES = 4096  # number of frames used for the covariance of the whole database
 _NONE = 1e-20  # covariance below which joints are treated as independent
-_COMPONENTS = 30  # principal components of earlier poses that are used
+_COMPONENTS = 30  # number of principal components of earlier poses that are kept
 _FIT_STEPS = 8  # largest number of Gauss-Newton steps; one is usually enough
-# Ratio of the markers' distances from neighbours and learned prior, each in its own standard deviations, at which both
-# have equal weight; for bodies that are not in the database, and for those that are. Its fourth power inflates the
-# variances.
+# Distance of the markers from the neighbours divided by that from the learned prior, both in standard deviations, at
+# which the two have equal weight; for bodies that are not in the database, and for those that are. The fourth power of
+# the ratio, relative to this value, inflates the neighbours' variances.
 _TRUSTED, _TRUSTED_KNOWN = 1.3, 5.0
 _MOST_INFLATION = 100.0
-# For bodies that are not in the database, variances of joints are inflated further where neighbours and learned prior
-# differ by more than both deviations: other people hold hands and heads differently while they walk.
-_JOINT_INFLATION_SHARE = 0.3  # share of the inflation
-# Smallest distance of the markers from the learned prior, in deviations, for joints with only hidden markers. A vague
-# prior is close to any markers, and other joints' markers say little about these joints.
+# For bodies that are not in the database, a joint's variances are inflated further where neighbours and learned prior
+# differ by more than their standard deviations: other people hold their hands and heads differently while walking.
+_JOINT_INFLATION_SHARE = 0.3  # factor of this further inflation, see `widen_joints`
+# Lower bound on the markers' distance from the learned prior, in standard deviations, for joints whose markers are all
+# hidden. A vague prior is close to any markers, and the other joints' markers say little about these joints.
 _LEAST_OFF = 0.8
-# Distance of the markers from the neighbours, in their deviations, above which the neighbours of a body in the
-# database are widened in proportion: the body moves in a new way.
+# Distance of the markers from the neighbours, in standard deviations, above which the neighbours' Gaussian is widened
+# in proportion if the body is in the database: it moves in a new way.
 _USUAL_DEVIATION = 0.5
-# A pose's deviations given its markers grow with this power of the markers' deviation from the prior plus a small one.
-# The scales are for bodies not in the database and for those in it; fitted to takes, see `session.part_errors`.
+# The standard deviations of a pose given its markers are multiplied by
+# scale * (deviation of the markers from the prior + _LEAST_DEVIATION) ** _WIDENING. The scale is _SHARE for bodies that
+# are not in the database, _KNOWN_SHARE for those that are; fitted to takes, see `session.part_errors`.
 _WIDENING, _LEAST_DEVIATION, _SHARE, _KNOWN_SHARE = 0.67, 0.05, 1.2, 0.5
 _LIMIT_PERCENTILES = (1.0, 99.0)  # percentiles of the database's joint angles that give the limits
-_LIMIT_MARGIN_RAD = 0.05  # added to this range
+_LIMIT_MARGIN_RAD = 0.05  # margin added at either end of this range
 
 
 class BestMethod:
@@ -87,7 +88,7 @@ class BestMethod:
         self._grant_covariances()
 
     def _grant_covariances(self) -> None:
-        """Compute the covariances added to the neighbours', and the covariance of a pose about the continued motion."""
+        """Compute the covariance added to the neighbours', and those of a pose about the continued motion."""
         settings, history = self._settings, self._history_of(self._broad_frames)
         broad = np.asarray(np.cov(np.concatenate((self._broad_poses, *history), axis=1).T, ddof=0))
         floor = settings.broad_share * broad
@@ -107,7 +108,7 @@ class BestMethod:
         return found
 
     def learned_priors(self, frames: Sequence[tuple[Observation, Array]], times_s: Array) -> list[PriorEstimate | None]:
-        """Return the learned priors of successive frames together; None where the torso is hidden.
+        """Return the learned priors of successive frames, computed in one batch; None where the torso is hidden.
 
         Args:
             frames: Observations and the markers (M, 3) expected in each.
@@ -123,7 +124,7 @@ class BestMethod:
         return self._learned.estimate_all(recent)
 
     def fit_about(self, poses: Array, roots: RootPose, observations: Sequence[Observation]) -> tuple[Array, RootPose]:
-        """Fit poses (F, D) and as many roots to the markers, starting from their values."""
+        """Fit poses (F, D) and their roots to the markers, starting from the given values."""
         # the smaller covariance is better for known bodies, too, because their trajectories are already good
         settings, covariance, limits = self._settings, self._smaller_change, self._limits
         root_sigma, sigma_m = (settings.root_sigma_m, settings.root_sigma_rad), settings.marker_sigma_m
@@ -138,7 +139,7 @@ class BestMethod:
         return fitted, RootPose(rotations, places)
 
     def estimate(self, problem: FrameProblem) -> Estimate:
-        """Return the pose expected for the markers, fitted to them together with the root."""
+        """Return the pose and the root, fitted to the markers under the prior."""
         # with rays only, a known body's depth is a guess: use the wider settings
         state, known = problem.state, self._known and bool(problem.observation.located.any())
         settings = self._settings if known else self._settings_without_depth
@@ -205,15 +206,15 @@ class BestMethod:
 
 
 def _inflation(off: float, learned_off: float, known: bool = False) -> float:
-    """Return the factor for the neighbours' variances; if below 1, the learned prior's are divided by it instead.
+    """Return the factor of the neighbours' variances; a factor below 1 divides the learned prior's instead.
 
     Args:
-        off: RMS distance of the markers from the neighbours, in their standard deviations.
+        off: RMS distance of the markers from the neighbours' Gaussian, in standard deviations.
         learned_off: The same for the learned prior.
         known: Whether the body is in the database.
     """
     # no markers are visible, so the weights stay equal
     ratio = off / (learned_off * (_TRUSTED_KNOWN if known else _TRUSTED)) if learned_off else 1.0
-    if not known:  # neighbours that explain the markers within their deviations keep their weight
+    if not known:  # neighbours that explain the markers within a standard deviation keep their weight
         ratio *= min(1.0, off)
     return min(max(ratio**4, 1.0 / _MOST_INFLATION), _MOST_INFLATION)

@@ -12,8 +12,8 @@ from ..geometry.arrays import FloatArray, IntArray
 from .subject_model import SubjectModel
 
 MOST = np.iinfo(np.int16).max  # largest stored coordinate, units
-BESIDE = 17  # numbers B that a search stores next to a frame's markers, so that its data are contiguous
-_CHUNK = 4096  # frames posed at once: fewer mean more calls, more exceed the processor's cache
+BESIDE = 17  # number B of values that a search stores next to each frame's markers, to keep its data contiguous
+_CHUNK = 4096  # frames posed at once: fewer mean more calls, more exceed the CPU cache
 _CELLS = 64  # cells averaged at once
 
 
@@ -23,12 +23,12 @@ class DatabaseMarkers:
     Args:
         cells: Cell (F,) of each frame, see `build_cells`.
         posed: Returns the markers (K, M, 3), metres, of frames (K,).
-        reach_m: Upper bound of the coordinates.
+        reach_m: Upper bound on the absolute coordinates.
 
     Attributes:
         count: Number of markers M.
         unit_m: Unit of the stored coordinates, a few hundredths of a millimetre.
-        rows: Rows (F, 3 M + B) in the order of the cells: coordinates, and space for the numbers of one search.
+        rows: Rows (F, 3 M + B) in the order of the cells: coordinates, and space for the values of one search.
         order: Frame (F,) of each row.
         starts: First row (C + 1,) of each cell; the last entry is F.
     """
@@ -64,12 +64,12 @@ class DatabaseMarkers:
         return (rows[..., : 3 * self.count] * self.unit_m).reshape(*frames.shape, -1, 3)
 
     def all(self) -> FloatArray:
-        """Return a copy (F, M, 3) in the order of the frames."""
+        """Return the markers (F, M, 3) of all frames, in the order of the frames."""
         return self.take(np.arange(len(self)))
 
 
 def database_markers(subject: SubjectModel, database: Database) -> DatabaseMarkers:
-    """Return a subject's markers in all frames of a database; without cells it counts as one cell."""
+    """Return a subject's markers in all frames of a database; a database without cells counts as one cell."""
     cells = np.zeros(database.frames, dtype=np.int32) if database.cells is None else database.cells
     bones_m = rot.lengths(subject.skeleton.offsets_m)
     bones_m[0] = 0.0  # the root is at the origin

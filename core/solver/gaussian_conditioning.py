@@ -1,7 +1,7 @@
 """Gaussian of neighbouring poses, conditioned on the past and fitted to markers.
 
 The neighbours' poses, their earlier markers and their earlier poses have a joint Gaussian distribution, widened by a
-share of the whole database's covariance, which allows only movements that bodies make (a knee does not twist).
+fraction of the whole database's covariance, which allows only movements that bodies make (a knee does not twist).
 The pose given the past is a linear regression (Bishop 2006, Eq. 2.81); the continued change of pose is a second
 observation. Then pose and root are fitted together to the current markers by Gauss-Newton steps under that prior, in
 the dual form, which inverts a matrix of the size of the markers, not of the pose (iterated Kalman update, Bell and
@@ -25,8 +25,8 @@ from .subject_model import RootPose, SubjectModel
 
 _EXPECTED_SIGMA_M = 0.01  # standard deviation of a marker relative to the prior's: skin motion and model errors
 _LIMIT_RAD = 0.02  # standard deviation of an angle beyond a joint's limit
-_FIRST_DAMPING, _DAMPING_GROWTH = 1.0, 4.0  # damping after steps that increased the cost
-_TINY = np.float32(1e-3)  # differences below a ten millionth of this are rounded to zero
+_FIRST_DAMPING, _DAMPING_GROWTH = 1.0, 4.0  # damping after a step that increased the cost, and its growth
+_TINY = np.float32(1e-3)  # differences below a ten-millionth of this are rounded to zero
 _STRAIGHT_RAD = 0.05  # largest rotation in a step that is linear enough to be the last one
 
 
@@ -41,15 +41,16 @@ class Prior:
 def neighbours_prior(
     samples: NDArray[Any], weights: Array, floor: NDArray[Any], observed: Array, variances: Array
 ) -> Prior:
-    """Return the Gaussian of the neighbours' first entries given the last (Bishop 2006, Eq. 2.81).
+    """Return the Gaussian of the neighbours' first entries given the last ones (Bishop 2006, Eq. 2.81).
 
     Single precision is enough for the differences between samples.
 
     Args:
         samples: Neighbours (K, D + m).
         weights: Their positive weights (K,), with sum 1.
-        floor: Covariance (D + m, D + m) added to the neighbours' own, so that entries equal in all can still change.
-        observed: Observed last entries (m,), NaN where unknown.
+        floor: Covariance (D + m, D + m) added to the neighbours' own, so that entries equal in all of them can
+            still change.
+        observed: Observed values (m,) of the last entries, NaN where unknown.
         variances: Variances (m,) of the observations.
     """
     kept, seen = samples.shape[1] - len(observed), np.isfinite(observed)
@@ -85,12 +86,12 @@ def continue_prior(prior: Prior, expected: Array, covariance: Array) -> Prior:
 
 
 def widen_joints(prior: Prior, other: Prior, inflations: Array, share: float) -> Prior:
-    """Return a prior with inflated variances of joints, most where another prior is far away.
+    """Return a prior with the joints' variances inflated, most where another prior differs.
 
     Args:
         inflations: Factor (J - 1,) for each joint's variances; factors below 1 count as 1.
-        share: Share of this factor which, multiplied by the squared distance of the two means in units of both
-            variances, inflates the variances again where it exceeds 1.
+        share: Factor of a further inflation: `share` times the inflation times the squared distance between the two
+            means, divided by the sum of the two variances; it applies where it exceeds 1.
 
     Returns:
         The prior with scaled rows and columns; correlations are unchanged.
@@ -112,8 +113,8 @@ def _regress(across: NDArray[Any], own: NDArray[Any], innovation: Array) -> tupl
         own: Upper triangle of the observations' covariance (m, m).
         innovation: Observations (m,) minus their expectation.
 
-    Square root (D, m) of the explained covariance, and the change of the entries' mean.
-        A root (D, m) of the explained covariance, and the change of the entries' mean.
+    Returns:
+        A square root (D, m) of the explained covariance, and the change of the entries' mean.
     """
     if len(own) == 0:  # LAPACK rejects empty matrices
         return across, np.zeros(len(across))
@@ -135,7 +136,7 @@ def _add_to_diagonal(matrix: Array, values: Array | float) -> None:
 
 
 def _product(left: Array, right: Array) -> Array:
-    """Return left @ right computed by SciPy's OpenBLAS; Blender's NumPy may be slow."""
+    """Return left @ right, computed by SciPy's OpenBLAS because Blender's NumPy may be slow."""
     return np.asarray(dgemm(1.0, right.T, left.T)).T
 
 
@@ -195,7 +196,7 @@ def deviations(
 def _innovation(
     prior: Prior, observation: Observation, root_sigma: tuple[float, float], markers: Array, jacobian: Array
 ) -> tuple[Array, Array]:
-    """Return the whitened distances of the markers from a prior, and the whitening factor.
+    """Return the whitened differences of the markers from a prior, and the Cholesky factor that whitens them.
 
     Args:
         markers: Markers (M, 3) of the prior's mean.
@@ -238,8 +239,8 @@ def fit_to_markers(
     sigmas_m = control_sigmas(expectation.observation, marker_sigma_m)
     covariance, mean = expectation.prior.covariance, expectation.prior.mean
     root_variances = np.repeat(np.square(expectation.root_sigma), 3)[:, None]
-    # the change of root and pose from the prior is the covariance times the dual; their product is the prior's
-    # cost
+    # the change of root and pose from the prior mean is the prior covariance times `dual`; change @ dual is the cost
+    # of the prior
     change, dual = kept = np.zeros((2, 6 + len(mean)))
     root, damping, least = expectation.root, 0.0, np.inf
     taken = 0
@@ -269,7 +270,7 @@ def fit_to_markers(
         if max(np.abs(change - kept[0])[3:].max(), passed_rad) < straight_rad:
             break
     else:
-        change = kept[0]  # the last step was not tried
+        change = kept[0]  # the cost of the last step is unknown
         root = moved_root(expectation.root, change)
     _add_to_diagonal(across, 1.0)
     facts = _facts(taken, covariance, across, gains[6:], innovation)

@@ -20,7 +20,7 @@ from ..geometry.arrays import Array, FloatArray, IntArray
 from .database_markers import DatabaseMarkers
 from .subject_model import RootPose
 
-_UNIT = np.float32(1.0 / 32_760)  # unit of stored matrix entries: less than a tenth of a millimetre at a hand
+_UNIT = np.float32(1.0 / 32_760)  # unit of stored matrix entries; rounding moves a hand by less than 0.1 mm
 _CHUNK = 8192  # frames processed at once
 _TOLERANCE = 0.3  # largest difference between a lag and the remembered time, as a share of the lag
 
@@ -34,7 +34,7 @@ class LaggedHistory:
     values: tuple[Array, ...] = ()
 
     def remember(self, time_s: float, value: Array) -> "LaggedHistory":
-        """Return the history with one more value; a time that does not ascend starts a new history."""
+        """Return the history with one more value; a time that is not later than the last starts a new history."""
         if not self.longest_s:
             return self
         if self.times_s and time_s <= self.times_s[-1]:
@@ -78,7 +78,7 @@ class LaggedFrames:
         return found
 
     def of(self, frames: IntArray) -> IntArray:
-        """Return the frames (K, L) at each lag before frames (K,), limited to their clips."""
+        """Return the frames (K, L) at each lag before frames (K,), clamped to their clips."""
         first, last = self._ends.take(self._clip_of_frame.take(frames), axis=0).T[..., None]
         return np.minimum(np.maximum(frames[:, None] - self._lags, first), last)
 
@@ -109,7 +109,7 @@ class LaggedMarkers:
     def of_frames(self, frames: IntArray) -> FloatArray:
         """Return the earlier markers (K, L, M, 3) of database frames (K,)."""
         earlier = self._earlier.of(frames)
-        # for row vectors, p R^T is in the world's axes, and p R is back in the root's
+        # for row vectors, p R^T turns from the root's axes to the world's, and p R turns back
         away, back = (self._matrices(each) for each in (earlier, frames))
         away = np.ascontiguousarray(away.swapaxes(-1, -2))
         turned = self._markers.take(earlier) @ away
@@ -124,7 +124,7 @@ class LaggedMarkers:
 
 
 class LaggedPoses:
-    """Principal components of earlier poses (D,); a few of them keep the conditioned Gaussian small.
+    """Leading principal components of earlier poses (D,), which keep the conditioned Gaussian small.
 
     Args:
         components: Orthonormal columns (D, C).
@@ -149,6 +149,6 @@ class LaggedPoses:
     def of_frames(self, frames: IntArray) -> FloatArray:
         """Return the components (K, L, C) of earlier poses of database frames (K,)."""
         earlier = self._earlier.of(frames)
-        # uses SciPy's BLAS because the NumPy of some Blenders has a slow one; transposed arguments avoid copies
+        # SciPy's BLAS, because the NumPy of some Blender builds has a slow one; transposed arguments avoid copies
         projected = np.asarray(sgemm(1.0, self._components.T, self._poses.take(earlier.ravel(), axis=0).T)).T
         return projected.reshape(*earlier.shape, -1)

@@ -18,12 +18,12 @@ from .subject_model import RootPose, SubjectModel
 _ROOT_PASSES = 2  # alternations: the root depends on the pose's torso markers, and the search on the root
 _FIRST_ROOT_PASSES = 4  # alternations at the start, when both are unknown
 _SAMPLE_PASSES = 3  # alternations with a sample of the database that come first if time is short
-_TORSO_EXAMPLES = 8  # closest examples whose mean torso fits the root
+_TORSO_EXAMPLES = 8  # number of closest examples to whose mean torso the root is fitted
 _SPARE_CANDIDATES = 2  # candidates kept per wanted example, to be ranked again with a better root
 
 
 class Located(NamedTuple):
-    """Root, closest examples under it, and the start for the next search."""
+    """Root, the closest examples for this root, and the frames from which the next search starts."""
 
     root: RootPose
     examples: Examples
@@ -68,7 +68,7 @@ class Locator:
     def locate(self, state: SolverState, observation: Observation, hurried: bool = False) -> Located | None:
         """Return root, closest examples and the start for the next search; None if there is no root.
 
-        The first root is fitted to the state's torso: of the continued pose, the expected markers, or a typical torso.
+        The first root is fitted to the torso of the continued pose, or else of the expected markers or a typical pose.
 
         Args:
             hurried: Only use the closest frames of the sample and their neighbours in time.
@@ -108,9 +108,8 @@ class Locator:
                 local = _closest_mean(self._markers, frames)
         if root is None or frames is None or found is None:
             return None
-        if (
-            self._factors is not None
-        ):  # people move more like themselves than like others: prefer the subject's own frames
+        # people move more like themselves than like others: prefer the subject's own frames
+        if self._factors is not None:
             distances = np.maximum(distances, 0.0)
             distances[1:] *= self._factors[frames[1:]]  # the closest stays first, because poses are judged by it
             order = np.argsort(distances)
@@ -132,6 +131,6 @@ class Locator:
 
 
 def _closest_mean(markers: DatabaseMarkers, frames: IntArray) -> Array:
-    """Return the mean markers (M, 3) of the closest of ranked frames."""
+    """Return the mean markers (M, 3) of the closest few of ranked frames."""
     closest = markers.take(frames[:_TORSO_EXAMPLES]).astype(np.float64)
     return np.asarray(np.add.reduce(closest) / len(closest))

@@ -1,7 +1,7 @@
 """Selection of a few markers that best determine the body.
 
-The database's poses give a Gaussian of joints and markers in the root's frame, which is itself free. Markers are chosen
-greedily: each minimises the remaining variance of the joints in the world (Krause, Singh and Guestrin 2008).
+The database's poses give a Gaussian of joints and markers in the root's frame, which itself moves freely. Markers are
+chosen greedily: each minimises the remaining variance of the joints in the world (Krause, Singh and Guestrin 2008).
 """
 
 import contextlib
@@ -12,7 +12,7 @@ import numpy as np
 
 from ..body.skeleton import forward_kinematics
 from ..database.store import Database
-from ..errors import MarkerSetError
+from ..errors import MarkerSetError, counted
 from ..geometry.arrays import Array
 from ..markers.marker_set import FEWEST_TORSO
 from ..markers.marker_take import MarkerTake
@@ -23,7 +23,7 @@ from .subject_model import ROOT_AT_REST, SubjectModel
 _SAMPLES = 4096  # number of database poses used for the covariance
 _MARKER_SIGMA_M = 0.005  # standard deviation of a marker: skin motion and calibration
 _ROOT_SIGMA_M, _ROOT_SIGMA_RAD = 10.0, 3.0  # standard deviations of an unknown root
-_TORSO = 4  # torso markers that find the root reliably: two pairs, as in the paper's sets
+_TORSO = 4  # number of torso markers that determine the root reliably: two pairs, as in the paper's sets
 _PELVIS = 2  # number of these on the pelvis: with only one, a bent back looks like a turned root
 
 
@@ -32,7 +32,7 @@ class MarkerChoice:
     """Markers in the order in which they were chosen."""
 
     names: tuple[str, ...]
-    expected_m: Array  # (N,) expected RMS error of the joints with the markers up to each
+    expected_m: Array  # (N,) expected RMS error of the joints with the first 1 to N markers
 
 
 def choose_markers(
@@ -49,7 +49,7 @@ def choose_markers(
         among: Names to choose from; by default all.
 
     Raises:
-        MarkerSetError: There are fewer markers than `count`, or fewer than three on the torso.
+        MarkerSetError: `count` is below three or above the number of markers, or fewer than three are on the torso.
     """
     markers = subject.marker_set.markers
     free = [i for i, marker in enumerate(markers) if among is None or marker.name in among]
@@ -57,9 +57,9 @@ def choose_markers(
     pelvis = [i for i in torso if markers[i].joint == subject.skeleton.names[0]]
     if not FEWEST_TORSO <= count <= len(free) or len(torso) < FEWEST_TORSO:
         raise MarkerSetError(
-            f"{count} of {len(free)} markers, {len(torso)} of them of the torso, cannot be chosen",
+            f"cannot choose {count} of {counted(len(free), 'marker')}, {len(torso)} of them on the torso",
             where=f"marker set {subject.marker_set.name}",
-            advice=f"choose at least {FEWEST_TORSO} markers, all of which the take has, and as many on the torso",
+            advice=f"choose at least {FEWEST_TORSO} that the take has; it needs {FEWEST_TORSO} on the torso",
         )
     covariance = _covariance(subject, database)
     size = 3 * len(subject.skeleton)
@@ -83,7 +83,7 @@ def with_markers(subject: Subject, names: Sequence[str]) -> Subject:
         raise MarkerSetError(
             f"has no marker {', '.join(unknown)}",
             where=f"marker set {subject.marker_set.name}",
-            advice="markers: " + ", ".join(subject.marker_set.names),
+            advice="choose from " + ", ".join(subject.marker_set.names),
         )
     return replace(subject, marker_set=subject.marker_set.subset(names))
 
@@ -91,7 +91,7 @@ def with_markers(subject: Subject, names: Sequence[str]) -> Subject:
 def worn_in(take: MarkerTake, subject: Subject) -> Subject:
     """Return the subject with the markers that a take shows, however few are on the torso.
 
-    The subject is unchanged if the take's markers are not labelled, or none are on or next to the torso.
+    The subject is unchanged if the take's markers are not labelled, or fewer than three are on or next to the torso.
     """
     if is_unnamed(take):
         return subject

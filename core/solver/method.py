@@ -14,8 +14,8 @@ class FrameProblem:
 
     state: SolverState  # motion up to the last frame, with the time of this one
     observation: Observation
-    root: RootPose  # first estimate of the root
-    examples: Examples  # closest examples under that root
+    root: RootPose  # initial estimate of the root
+    examples: Examples  # closest examples for this root
 
 
 class Method(Protocol):
@@ -24,7 +24,7 @@ class Method(Protocol):
     Attributes:
         examples: Number of closest examples to search.
         fits_markers: Whether its poses are fitted to the markers.
-        query_pose_m_per_rad: Weight of a radian of pose relative to a metre of marker distance in its search.
+        query_pose_m_per_rad: Marker distance that counts as much as a radian of pose in its search.
         others_distance: Factor for the distances of other bodies' frames if the database contains the subject's.
         longest_s: Longest lag of earlier markers and solved poses.
     """

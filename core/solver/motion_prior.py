@@ -1,8 +1,8 @@
 """Learned prior: a Gaussian of pose and root, given the markers of the last half second.
 
 A small network, trained by `tools/train_prior.py` on recorded motion with random bodies and marker sets. Each marker
-passes through one layer with weights of its joint; markers are summed by part of the body; three layers follow. All
-inputs are relative to a body frame fitted to the torso markers, so position and heading do not matter.
+passes through one layer with its joint's weights; the results are summed over each part of the body; three layers
+follow. All inputs are relative to a body frame fitted to the torso markers, so position and heading do not matter.
 """
 
 import json
@@ -30,8 +30,8 @@ VERSION = 1
 _OFFSET_SCALE = 10.0  # brings offsets (centimetres) to the range of the other inputs (decimetres to metres)
 _LAG_FLOOR_S = 0.03  # added to a lag when movements are divided by it
 _BY_ONE_CAMERA = 0.5  # certainty of a marker on a ray, whose depth is a guess
-_FASTEST_M_S = 12.0  # speed above which an earlier marker does not count: a cut, or another label
-LOG_SIGMAS, FARTHEST = (-5.0, 2.0), 10.0  # limits on the outputs' log deviations and means, in their units
+_FASTEST_M_S = 12.0  # speed above which an earlier position does not count: there was a cut, or the label changed
+LOG_SIGMAS, FARTHEST = (-5.0, 2.0), 10.0  # limits on the log standard deviations and the means of the scaled outputs
 _ROOT = 6  # number of outputs for the root: rotation, position
 WEIGHTS = ("marker_weights", "marker_biases", "weights", "biases", "first_weights", "output_weights", "output_biases")
 
@@ -47,12 +47,12 @@ class PriorEstimate:
 
 @dataclass(frozen=True)
 class Network:
-    """A trained network with F features, H and W hidden units, P parts of the body and O outputs."""
+    """A trained network: F features and H hidden units per marker, P body parts, W units per layer, O outputs."""
 
     lags_s: Array  # ascending lags of the markers, the first 0
-    mean_rotations: Array  # (J, 4) to which its poses are relative
+    mean_rotations: Array  # (J, 4) rotations that its poses are relative to
     part_of_joint: IntArray  # (J,) part in which a joint's markers are summed
-    bones: FloatArray  # (2, J - 1) mean and scale of the bones' lengths
+    bones: FloatArray  # (2, J - 1) mean and scale of the bone lengths
     marker_weights: FloatArray  # (J, F, H)
     marker_biases: FloatArray  # (J, H)
     first_weights: FloatArray  # (P H + J - 1, W)
@@ -61,8 +61,8 @@ class Network:
     output_weights: FloatArray  # (W, 2 O) outputs and their log standard deviations
     output_biases: FloatArray  # (2 O,)
     outputs: FloatArray  # (2, O) mean and scale of the outputs
-    correlation: Array  # (O, O) of the errors for unseen people
-    spread: Array  # (2, O) factor for the standard deviations for unseen people, and their smallest values
+    correlation: Array  # (O, O) of the errors for people who are not in the training data
+    spread: Array  # (2, O) factors of the standard deviations for such people, and their smallest values
     facts: dict[str, Any]  # facts about its training
 
 
@@ -82,7 +82,7 @@ def open_network(path: Path) -> Network | None:
             arrays[name] = arrays[name].astype(kind)
         network = Network(**arrays, facts=facts)
         if facts["version"] != VERSION or not _fits(network):
-            raise ValueError("another one")
+            raise ValueError("wrong version or array shapes")
         return network
 
 
@@ -127,7 +127,7 @@ class MotionPrior:
         self._body = SubjectModel(subject.subject, rot.multiply(network.mean_rotations, turn))
         joints = subject.joints
         self._offsets_m = rot.rotate(turn[joints], subject.offsets_m)
-        # from the network's joint rotation to one relative to the subject's reference pose; both factors are constant
+        # factors that turn the network's joint rotations into ones relative to the subject's reference pose
         self._back = rot.to_matrix(rot.conjugate(turn[1:]))
         before = rot.multiply(rot.conjugate(subject.mean_rotations), network.mean_rotations)[1:, None]
         self._change = rot.multiply(rot.multiply(before, np.eye(4)), turn[1:, None]).swapaxes(-1, -2)
@@ -178,7 +178,7 @@ class MotionPrior:
         return [next(found) if frame else None for frame in frames]
 
     def _frame(self, recent: RecentMarkers, root: RootPose | None) -> RootPose | None:
-        """Return the body frame fitted to the torso markers, or shifted from `root`."""
+        """Return the body frame fitted to the torso markers; if too few are located, `root` shifted to the markers."""
         return root_from_torso(Observation.of_points(recent.points_m[0]), self._rest, self._body, root)
 
     def _estimates(self, recent: Sequence[RecentMarkers], frames: Sequence[RootPose]) -> list[PriorEstimate]:
@@ -200,7 +200,7 @@ class MotionPrior:
         return result
 
     def _run(self, features: FloatArray, seen: Mask) -> tuple[Array, Array]:
-        """Return outputs (N, O) and their deviations for features (N, M, F) and a mask (N, M) of visible markers."""
+        """Return outputs (N, O) and standard deviations for features (N, M, F) and a mask (N, M) of visible markers."""
         network = self._network
         hidden = _silu(features.swapaxes(0, 1) @ self._weights + self._biases[:, None])
         hidden[~seen.T] = 0.0

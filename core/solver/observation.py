@@ -71,7 +71,7 @@ class Observation:
 
 
 def control_residual(observation: Observation, markers_m: Array) -> Array:
-    """Return marker minus observation (Eq. 7), metres.
+    """Return the differences of the markers from the observation (Eq. 7), metres.
 
     There are three rows for each located marker, then two for the distance of each single-camera marker from its ray.
     """

@@ -26,7 +26,7 @@ from .subject_model import RootPose, SubjectModel
 from .trajectory_check import INTERVAL_S, PROVEN, TrajectoryCheck
 
 _JUMP_M = 0.07  # RMS movement of the markers between two frames above which the history may mislead
-_CUT_M = 0.3  # RMS movement above which the history belongs to another motion: no one moves all limbs so fast
+_CUT_M = 0.3  # RMS movement above which the history belongs to another motion: nobody moves all limbs so fast
 _RETRY_S = 0.04  # pause after a failed re-initialisation
 _NEARER = 0.6  # share of the distance to the closest example below which a re-initialised pose replaces the other
 
@@ -106,7 +106,7 @@ class PoseSolver:
                 expected markers.
             time_s: Time of the frame; by default one frame of the database after the last.
             hurried: The frame was already expensive, so a first frame's pose is not refined.
-            limit_m: Distance of the markers from the closest example at which a first frame is not solved.
+            limit_m: RMS distance of the markers from the closest example at or above which a first frame is not solved.
             learned: Learned prior, if known (see `BestMethod.learned_priors`).
 
         Returns:
@@ -137,7 +137,8 @@ class PoseSolver:
             state: State before the frame, with the frame's time.
             solution: Solution with history, returned if it is better.
             after: State after that solution.
-            reason: Why. After a cut, the pose without history only has to be no farther away.
+            reason: Why the history may mislead. After a cut it is dropped if the pose without it is nearer, otherwise
+                only if that pose is much nearer.
         """
         fresh = replace(self.initial_state, root=state.root, time_s=state.time_s, learned=state.learned)
         seen = observation.located
@@ -175,7 +176,7 @@ class PoseSolver:
     ) -> tuple[Solution | None, SolverState]:
         """Return the pose of a first frame and the state after it.
 
-        It is solved twice unless hurried: the second time with the torso and the neighbours of its own pose.
+        The pose is solved twice unless hurried: the second time with the torso and the neighbours of its own pose.
         """
         in_space = self._in_space(state, observation)
         located = self._locator.locate(state, in_space, hurried)
@@ -191,7 +192,7 @@ class PoseSolver:
         """Return why the history may mislead, or None if it does not."""
         waits = state.time_s - state.reinitialise_failed_s < _RETRY_S
         if state.root is None or state.markers_m is None or waits or not self._method.fits_markers:
-            return None  # an example's distance says nothing here
+            return None  # also for methods that do not fit markers: their distance is always the example's
         seen = observation.located
         before_m = state.root.to_root_frame(state.markers_m[seen])
         jump_m = _rms(solution.root.to_root_frame(observation.points_m[seen]) - before_m)

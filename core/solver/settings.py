@@ -15,17 +15,17 @@ def _check_ascending(settings: object, *names: str) -> None:
     for name in names:
         values = getattr(settings, name)
         if not values or list(values) != sorted(set(values)):
-            raise SettingsError(f"{name} must be ascending numbers")
+            raise SettingsError(f"{name} must be different numbers in ascending order")
 
 
-_QUERY = About("marker distance that a radian of pose counts in the search", "m", above=0.0)
+_QUERY = About("marker distance that counts as much as a radian of pose in the search", "m", above=0.0)
 
 
 @dataclass(frozen=True)
 class NearestSettings:
     """Settings of "nearest"."""
 
-    examples: Annotated[int, About("frames searched for", "", 1)] = 300
+    examples: Annotated[int, About("number of examples to search for", "", 1)] = 300
     query_pose_m_per_rad: Annotated[float, _QUERY] = 0.1
 
     def __post_init__(self) -> None:
@@ -36,7 +36,7 @@ class NearestSettings:
 class LwrSettings(NearestSettings):
     """Settings of "lwr"."""
 
-    neighbours: Annotated[int, About("examples that locally weighted regression interpolates", "", 1)] = 16
+    neighbours: Annotated[int, About("number of examples that locally weighted regression averages", "", 1)] = 16
 
 
 @dataclass(frozen=True)
@@ -52,13 +52,11 @@ class LocalPcaSettings:
     marker_sigma_m: Annotated[
         float, About("marker distance that costs as much as one standard deviation of the prior", "m", above=0.0)
     ] = 0.003
-    pose_sigma_rad: Annotated[float, About("change of velocity of all joints that costs as much", "rad", above=0.0)] = (
-        0.3
-    )
+    pose_sigma_rad: Annotated[float, About("change of all joint velocities that costs as much", "rad", above=0.0)] = 0.3
     query_pose_m_per_rad: Annotated[float, _QUERY] = 0.1
     neighbours: Annotated[tuple[int, ...], About("candidates for K, ascending", "", 1)] = (30, 60, 150, 300)
     dimensions: Annotated[tuple[int, ...], About("candidates for B, ascending", "", 1)] = (7, 12, 25, 35)
-    validation_examples: Annotated[int, About("nearest examples that score the cross-validation", "", 1)] = 24
+    validation_examples: Annotated[int, About("number of nearest examples used for cross-validation", "", 1)] = 24
 
     def __post_init__(self) -> None:
         check_ranges(self)
@@ -69,8 +67,9 @@ class LocalPcaSettings:
 class BestSettings:
     """Settings of "best", see `gaussian_conditioning`.
 
-    Frames of other bodies are farther by `others_distance`: people move more like themselves. The known_ settings are
-    those for a body in the database with a marker located in space: its neighbours are closer.
+    Frames of other bodies count as farther away by the factor `others_distance`, because people move more like
+    themselves. The known_ settings are for a body in the database, in frames that locate a marker: its neighbours are
+    closer.
     """
 
     neighbours: Annotated[int, About("number of neighbours, K", "", 1)] = 300
@@ -81,29 +80,29 @@ class BestSettings:
     others_distance: Annotated[
         float, About("factor of the squared distances of other bodies' frames, for known subjects", above=0.0)
     ] = 4.0
-    broad_share: Annotated[float, About("share of the whole database's covariance added to the neighbours'")] = 0.02
-    pose_floor_rad: Annotated[float, About("standard deviation granted to every joint angle", "rad")] = 0.003
+    broad_share: Annotated[float, About("factor of the database's covariance that is added to the neighbours'")] = 0.02
+    pose_floor_rad: Annotated[float, About("standard deviation added to every joint angle", "rad")] = 0.003
     history_s: Annotated[
         tuple[float, ...], About("ages of the earlier markers and poses that are compared, ascending", "s", above=0.0)
     ] = (0.1, 0.25)
     history_sigma_m: Annotated[
-        float, About("standard deviation of the performer's earlier markers about an example's", "m")
+        float, About("standard deviation of the performer's earlier markers from an example's", "m")
     ] = 0.05
     history_sigma_rad: Annotated[
-        float, About("standard deviation of the performer's earlier pose about an example's", "rad")
+        float, About("standard deviation of the performer's earlier pose from an example's", "rad")
     ] = 0.15
-    momentum: Annotated[float, About("expected share of the last change of pose in the next")] = 0.5
+    momentum: Annotated[float, About("next change of pose that is expected, as a share of the last one")] = 0.5
     change_share: Annotated[
-        float, About("share of the whole database's covariance with which the pose varies about that expectation")
+        float, About("factor of the database's covariance that gives the pose's covariance about that expectation")
     ] = 0.03
     change_rad: Annotated[float, About("standard deviation of each joint angle in addition to that", "rad")] = 0.03
     known_marker_sigma_m: Annotated[float, About("`marker_sigma_m` of a known body", "m", above=0.0)] = 0.001
     known_momentum: Annotated[float, About("`momentum` of a known body")] = 0.8
     known_change_share: Annotated[float, About("`change_share` of a known body", above=0.0)] = 0.2
     root_sigma_m: Annotated[
-        float, About("standard deviation of the root's position about the torso markers' estimate", "m")
+        float, About("standard deviation of the root's position from the torso markers' estimate", "m")
     ] = 0.03
-    root_sigma_rad: Annotated[float, About("the same of its rotation", "rad")] = 0.1
+    root_sigma_rad: Annotated[float, About("the same for its rotation", "rad")] = 0.1
     prior_share: Annotated[float, About("weight of the learned prior (see `motion_prior`), 0 for none", "", 0.0)] = 1.0
     prior_file: Annotated[str, About("file of the learned prior; empty for the shipped one")] = ""
 
@@ -129,7 +128,7 @@ class SolveSettings:
         str, About('"best" (the most accurate), "local-pca" (the paper\'s), "lwr" or "nearest"', choices=METHODS)
     ] = "best"
     query_alpha: Annotated[
-        float, About("weight of the markers against continuity in the search (Eq. 2)", "", 0.0, 1.0)
+        float, About("weight of the markers relative to continuity in the search (Eq. 2)", "", 0.0, 1.0)
     ] = 0.8
     search: Annotated[str, About('see `choose_search`; "graph" is the paper\'s', choices=SEARCHES)] = "auto"
     best: BestSettings = field(default_factory=BestSettings)

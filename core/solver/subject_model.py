@@ -18,7 +18,7 @@ from ..markers.subject import Subject
 
 @dataclass(frozen=True)
 class RootPose:
-    """World position (3,) and world-from-root quaternion (4,), z_t in the paper."""
+    """World-from-root quaternion (4,) and world position (3,), z_t in the paper."""
 
     rotation: Array
     position_m: Array
@@ -28,7 +28,7 @@ class RootPose:
         return (points_m - self.position_m) @ self.matrix
 
     def to_world(self, points_m: Array) -> Array:
-        """Return points (..., 3) given in the root's frame in the world."""
+        """Return points (..., 3) of the root's frame in world coordinates."""
         return points_m @ self.matrix.T + self.position_m
 
     @cached_property
@@ -85,11 +85,12 @@ class SubjectModel:
     def markers_and_jacobian(self, pose: Array, root: RootPose) -> tuple[Array, Array]:
         """Return markers (..., M, 3) and their Jacobian (..., M, 3, 6 + 3 (J - 1)).
 
-        Its columns are root translation, root rotation on the right, R exp(d), and the pose's rotation vectors.
+        Its columns are the root's translation, its rotation (increments on the right, R exp(d)), and the pose's
+        rotation vectors.
 
         Args:
             pose: Poses (..., J - 1, 3).
-            root: As many roots.
+            root: Root of each pose.
         """
         turns, right_jacobians = exponential_and_right_jacobian(pose.take(self._carrying[1:] - 1, axis=-2))
         markers, positions, axes = self._posed(turns, root)
@@ -117,7 +118,7 @@ class SubjectModel:
 def exponential_and_right_jacobian(vectors: Array) -> tuple[Array, Array]:
     """Return exp(v) (..., 3, 3) and its right Jacobian (Sola 2018, Eq. 143).
 
-    Both are sums of the unit matrix, the matrix of the cross product with v, and v v'.
+    Both are linear combinations of the identity, the cross-product matrix of v, and v v'.
     """
     angle2 = np.add.reduce(vectors * vectors, axis=-1)[..., None, None]
     angle = np.maximum(np.sqrt(angle2), _SMALLEST_RAD)

@@ -20,11 +20,11 @@ from .subject_model import RootPose
 
 INTERVAL_S = 0.1  # pause between two comparisons
 PROVEN = 0.5  # evidence above which another trajectory is accepted, nats
-_USUAL = 0.85  # nearest frame's distance on a correct trajectory, as a share of the nearest example's
+_USUAL = 0.85  # nearest frame's distance on a correct trajectory, relative to the nearest example's
 _NEAREST = 24  # number of sample frames that are compared together with their neighbours in time
-_PER_SAMPLE = 16  # neighbours of each compared at first, evenly spread; near the nearest ones all are compared
+_PER_SAMPLE = 16  # neighbours of each that are compared at first, evenly spaced; around the nearest ones all are
 _BESIDE = 8  # number of these nearest ones
-_EXAMPLES = 64  # examples compared
+_EXAMPLES = 64  # number of current examples compared
 
 
 class TrajectoryCheck:
@@ -62,7 +62,7 @@ class TrajectoryCheck:
         return max(state.evidence + float(np.log(_USUAL / share)), 0.0)
 
     def _distances(self, state: SolverState, observation: Observation, root: RootPose, frames: IntArray) -> Array:
-        """Return squared distances (2, K), m^2, of current and earlier markers from frames.
+        """Return squared distances (2, K), m^2, of current and earlier markers from database frames.
 
         The second row compares earlier markers relative to their mean, for bodies on a treadmill.
         """

@@ -2,8 +2,8 @@
 
 The paper only searches the last frame's neighbours and their neighbours in the graph of Eq. 4, so it never notices
 similar motion elsewhere in the database. Here the graph is followed from the closest frames for as long
-as this leads closer (in the manner of Malkov and Yashunin 2018), and representatives (one frame of each cluster
-of poses) are visited in every frame too, more of them if nothing in the database is very close. For the first frame
+as this finds closer ones (in the manner of Malkov and Yashunin 2018), and representatives (one frame of each cluster
+of poses) are visited in every frame, too, more of them if nothing in the database is very close. For the first frame
 all representatives are searched. The cost of a search is bounded.
 """
 
@@ -18,9 +18,9 @@ from .neighbour_graph import NeighbourGraph, weigh_poses
 _VISITED = 6.0  # frames visited per frame wanted, in addition to the first representatives
 _EXPANDED = 0.15  # share of the frames wanted that are expanded at once
 _STEPS = 3  # steps from a representative to closer and closer frames
-_BEAM, _START_BEAM = 2, 128  # frames expanded in each such step, later and at the start
+_BEAM, _START_BEAM = 2, 128  # frames expanded in each such step, in later frames and in the first
 _IDLE = 3  # successive expansions without a closer frame after which the graph is abandoned
-_PROMISING = 2.0  # distance up to which a representative is followed, relative to the last frame's median
+_PROMISING = 2.0  # distance up to which a representative is followed, relative to the median of the frames found last
 _SAMPLED = 16  # frames of a cluster from which the most central is chosen to represent it
 
 
@@ -69,7 +69,7 @@ class GraphSearch:
         return self._frames.nearest_among(query, candidates)
 
     def _enter(self, visit: "_Visit", representatives: IntArray, limit: float) -> None:
-        """Visit representatives, and follow those that are near."""
+        """Visit representatives, and follow the graph from those that are near."""
         representatives, distances = visit.add(representatives)
         near = distances < limit
         self._descend(visit, representatives[near], distances[near], _BEAM)

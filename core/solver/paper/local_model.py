@@ -95,7 +95,7 @@ def cross_validate(
                              marker_variance_m2, min(examples, sizes[0]))
             for group in tested
         ]  # fmt: skip
-        # all K are scored with the same examples: one that is too small without a clip is not tried
+        # all K are scored with the same examples: a K that leaves too few neighbours without a clip is not tried
         known = [error for error in errors if error is not None]
         if len(known) == len(errors):
             scores[row] = np.mean(np.concatenate(known, axis=1), axis=1)

@@ -15,7 +15,7 @@ _SYNTHESIS_PASSES = 2  # alternations: the synthesis depends on the root, and th
 
 
 def _settle_root(subject: SubjectModel, observation: Observation, pose: Array, root: RootPose) -> RootPose:
-    """Return z_t for a pose (D,)."""
+    """Return the root z_t for a pose (D,)."""
     return root_from_torso(observation, subject.markers(pose.reshape(-1, 3)), subject, root) or root
 
 

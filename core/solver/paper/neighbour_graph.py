@@ -32,7 +32,7 @@ _SAME_PASS = np.float32(1e6)  # penalty for frames that are not a local minimum 
 _NEVER = np.float32(1e30)  # squared distance of excluded frames; infinity would turn matrix products into NaN
 _BLOCK = 1 << 20  # distances held by each thread at once
 _EXTREMITIES = ("head", "lhumerus", "lhand", "rhumerus", "rhand", "lfoot", "rfoot")
-_OWN_WEIGHT = 0.1  # weight of a joint's rotation in addition to that of what it moves, m^2 per rad^2
+_OWN_WEIGHT = 0.1  # weight of a joint's rotation in addition to that of the extremities it moves, m^2 per rad^2
 
 
 @dataclass(frozen=True)
@@ -68,7 +68,7 @@ def build_graph(poses: FloatArray, clip_of_frame: NDArray[Any], most: int = _NEI
         poses: Float32 rotation vectors (F, D) relative to the reference pose.
         clip_of_frame: Clip (F,) of each frame; successive frames of a clip are always joined.
         most: Neighbours kept per frame, at least 2, however far they are. Eq. 4 only joins those within a radius, which
-            isolates unusual motion; this search was 2.6 times as close to the exhaustive one for as many visits.
+            isolates unusual motion; with as many visits, this search came 2.6 times as close to the exhaustive one.
     """
     scaled = weigh_poses(poses)
     neighbours = np.full((len(poses), most), -1, dtype=np.int32)
@@ -130,7 +130,7 @@ class _Candidates:
         self._poses = poses
         self._most = min(most, len(frames))
         self._length = _STRETCH if len(frames) > _STRETCHES_PER_NEIGHBOUR * _STRETCH * most else 1
-        # passes are cut into stretches of equal length; the last one is padded with its last frame
+        # passes are cut into stretches of equal length; the last stretch of each is padded with its last frame
         last = np.diff(frames, append=frames[-1] + stride + 1) > stride
         lacking = -np.diff(np.flatnonzero(last), prepend=-1) % self._length
         copies = np.ones(len(frames), dtype=np.int64)

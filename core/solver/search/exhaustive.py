@@ -76,7 +76,7 @@ class ExhaustiveSearch:
     def marker_norms(self) -> FloatArray:
         """Squares (F, 3 M) of the markers' coordinates.
 
-        They are not needed for distances of single frames.
+        They are computed on first use, because distances of single frames do not need them.
         """
         return np.square(self._markers)
 
@@ -128,7 +128,7 @@ def distances_between(query: Query, markers_m: FloatArray, poses: FloatArray, fr
 
 
 def times(rows: NDArray[Any], vector: FloatArray) -> FloatArray:
-    """Return rows @ vector computed by SciPy's OpenBLAS; Blender's NumPy may be slow."""
+    """Return rows @ vector, computed by SciPy's OpenBLAS because Blender's NumPy may be slow."""
     if len(rows) == 0:  # BLAS rejects empty matrices
         return np.zeros(0, dtype=np.float32)
     return np.asarray(sgemv(1.0, rows.T, vector, trans=1))

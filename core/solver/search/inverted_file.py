@@ -22,7 +22,7 @@ _SAMPLES = 4096  # number of frames used for the components
 _COMPARED = 2.0  # frames compared in full per frame wanted
 _FIRST = 64  # number of closest frames that are sorted
 # Assumed cosine between the parts of the query's pose and of a near pose that the components leave out. With this
-# value, the estimated distances rank frames best on takes that a database lacks.
+# value, the estimated distances rank frames best on takes that are not in the database.
 _ALIKE = 0.5
 _ROOM = 1.25  # largest stored value relative to those of the sample; larger ones are clipped
 _CHUNK = 8192  # frames processed at once
@@ -57,7 +57,7 @@ class CellSearch:
         return self.nearest_among(query, self.near(query, count), count)
 
     def near(self, query: Query, count: int, start: IntArray | None = None) -> IntArray:
-        """Return frames most likely among the `count` closest, and as many more; the first ones are sorted."""
+        """Return the frames most likely to be the `count` closest, and as many more; only the first are sorted."""
         target, weights = self._target(query)
         rows = self._rows_near(query, target, weights, count)
         stored = self._markers.rows.take(rows, axis=0).astype(np.float32)
@@ -84,7 +84,7 @@ class CellSearch:
         return np.column_stack((strongest, np.sqrt(np.maximum(rest, 0.0))))
 
     def _target(self, query: Query) -> tuple[FloatArray, FloatArray]:
-        """Return the target of rows in their units, and the weights of squares."""
+        """Return the query as a row in stored units, and the weights of the squared differences."""
         target, weights = np.zeros((2, len(self._units)), dtype=np.float32)
         target[:-BESIDE], weights[:-BESIDE], pose = query.single_precision
         if pose is not None:

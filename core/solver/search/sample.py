@@ -1,4 +1,4 @@
-"""Search among every nth frame of the database, for frames with little time."""
+"""Search among every nth frame of the database, for marker frames that must be solved quickly."""
 
 import numpy as np
 
@@ -37,7 +37,7 @@ class SampleSearch:
         """Return the database frames that frames of the sample represent.
 
         Args:
-            least: Number of frames wanted, starting with those of the sample's first frame; by default all.
+            least: Number of frames wanted, those of the first sample frames first; by default all.
             apart: Step between the frames that are returned.
         """
         chosen = frames[: -(-least // self.step)] if least else frames

@@ -50,12 +50,12 @@ def test_an_open_limb_is_told_and_lowers_the_confidence(take, walker, database):
     whole = perfanim.solve(take, walker, database, QUICK)
     part = perfanim.solve(renamed(take, ARM), walker, database, QUICK)
     assert whole.report["coverage"] == f"{len(SUIT)} of {len(SUIT)} markers known"
-    assert not any("no marker holds" in reason.text for reason in whole.verdict.reasons)
+    assert not any("no marker determines" in reason.text for reason in whole.verdict.reasons)
     assert (
         part.report["coverage"]
-        == f"{len(SUIT) - 6} of {len(SUIT)} markers known, 6 left out; no marker holds the left arm"
+        == f"{len(SUIT) - 6} of {len(SUIT)} markers known, 6 left out; no marker determines the left arm"
     )
-    told = [reason for reason in part.verdict.reasons if "no marker holds the left arm" in reason.text]
+    told = [reason for reason in part.verdict.reasons if "no marker determines the left arm" in reason.text]
     assert [reason.kind for reason in told] == [ReasonKind.LIMB]
     alone = solve_take(
         renamed(take, ARM),
@@ -81,8 +81,8 @@ def test_a_limb_that_a_choice_of_markers_leaves_open_is_told(take, walker, datab
     chosen = tuple(name for name in SUIT.names if name not in ARM)
     solved = perfanim.solve(take, walker, database, replace(QUICK, markers=chosen))
     known = f"{len(chosen)} of {len(SUIT)} markers known"
-    assert solved.report["coverage"] == f"{known}, {len(ARM)} left out; no marker holds the left arm"
-    assert any("no marker holds the left arm" in reason.text for reason in solved.verdict.reasons)
+    assert solved.report["coverage"] == f"{known}, {len(ARM)} left out; no marker determines the left arm"
+    assert any("no marker determines the left arm" in reason.text for reason in solved.verdict.reasons)
     assert sum(limb.left_out for limb in solved.verdict.limbs) == len(ARM)
 
 

@@ -71,10 +71,10 @@ def test_notes_name_uncertain_parts_and_reasons(poses, model):
     for pose in (whole, without, replace(whole, observed_m=away), replace(without, single_cameras=np.zeros(8))):
         told += errors.notes(replace(pose, confidence=0.9, part_errors_deg=arm))
     assert [note.text for note in told] == [
-        "left arm uncertain: this motion of it is not in the database",
+        "left arm uncertain: its motion is not in the database",
         "left arm uncertain: its marker is hidden",
-        "left arm uncertain: its marker is elsewhere",
-        "left arm uncertain: this motion of it is not in the database",
+        "left arm uncertain: its marker does not fit",
+        "left arm uncertain: its motion is not in the database",
     ]
     assert errors.notes(replace(without, confidence=0.1, part_errors_deg=arm)) == []  # all of it is
     assert errors.notes(replace(without, confidence=0.9, part_errors_deg=DOUBTFUL_PART_DEG)) == []

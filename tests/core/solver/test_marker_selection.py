@@ -44,9 +44,9 @@ def test_choice_is_better_than_single_exchanges(suited, database):
 
 
 def test_too_few_markers_are_refused(suited, database):
-    with pytest.raises(MarkerSetError, match="2 of 41 markers"):
+    with pytest.raises(MarkerSetError, match="cannot choose 2 of 41 markers"):
         choose_markers(suited, database, 2)
-    with pytest.raises(MarkerSetError, match="4 of 3 markers, 1 of them of the torso"):
+    with pytest.raises(MarkerSetError, match="cannot choose 4 of 3 markers, 1 of them on the torso"):
         choose_markers(suited, database, 4, ["C7", "LFIN", "RFIN"])
     with pytest.raises(MarkerSetError, match="has no marker XX"):
         with_markers(suited, ["C7", "XX"])
