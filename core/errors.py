@@ -1,10 +1,10 @@
-"""Error classes: each error has a fact, a place and advice."""
+"""Error classes: each error says where, what is wrong and what to do."""
 
 import re
 
 MOST_TEXT = 300  # longest message, characters
-_MOST_FACT, _MOST_PLACE = 190, 90  # longest fact and place, letters, if the whole message is too long
-# enumeration of four or more; begun where a part begins, as a search from each letter takes the square of the length
+_MOST_FACT, _MOST_PLACE = 190, 90  # longest fact and place, characters, in a message that is too long
+# list of four or more items; anchored where a clause starts, because trying every character takes quadratic time
 _LIST = re.compile(r"(?:^|(?<=[,;():]))[^,;():]+(?:, [^,;():]+){3,}")
 _CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029]")  # line breaks, and characters that control a terminal
 
@@ -16,7 +16,7 @@ def printable(text: str) -> str:
 
 
 def shorten(text: str, most: int) -> str:
-    """Return a printable string, with its middle left out if it is longer than `most`."""
+    """Return a printable string, with its middle left out if it is longer than `most` characters."""
     text = printable(text)
     half = (most - 3) // 2
     return text if len(text) <= most else f"{text[:half]}...{text[-half:]}"
@@ -28,7 +28,7 @@ def counted(number: int, noun: str) -> str:
 
 
 def fit_sentence(text: str, most: int) -> str:
-    """Return a printable sentence of at most `most` letters: lists are cut first, then the end, never the beginning."""
+    """Return a printable sentence of at most `most` characters: lists are cut first, then the end, never the start."""
     text = printable(text)
     for found in sorted(_LIST.findall(text), key=len, reverse=True):
         items = found.split(", ")
@@ -44,7 +44,7 @@ def fit_sentence(text: str, most: int) -> str:
 
 
 def _fit_place(text: str, most: int) -> str:
-    """Return a printable place of at most `most` letters that keeps its end: file name and line."""
+    """Return a printable place of at most `most` characters that keeps its end: file name and line."""
     text = printable(text)
     return text if len(text) <= most else "..." + text[3 - most :]
 
@@ -53,7 +53,7 @@ class PerfanimError(Exception):
     """Base of all errors, reported to the user in one line.
 
     Args:
-        what: The fact, in plain words.
+        what: What is wrong, in plain words.
         where: File, line, frame, camera, ... ("" if there is no place).
         advice: What the user can do about it.
     """
@@ -74,7 +74,7 @@ class PerfanimError(Exception):
 
 
 class FormatError(PerfanimError):
-    """A file is of another kind or damaged."""
+    """A file is of the wrong kind, or is damaged."""
 
 
 class SkeletonError(PerfanimError):
@@ -82,7 +82,7 @@ class SkeletonError(PerfanimError):
 
 
 class SettingsError(PerfanimError):
-    """A setting is out of its range."""
+    """A setting is out of range."""
 
 
 class MarkerSetError(PerfanimError):
@@ -98,11 +98,11 @@ class SubjectError(PerfanimError):
 
 
 class PropError(PerfanimError):
-    """A prop looks the same in another position, or its definition is damaged."""
+    """A prop's markers look the same in two poses, or its definition is damaged."""
 
 
 class DatabaseError(PerfanimError):
-    """A motion database is missing, empty, damaged or of another version."""
+    """A motion database is missing, empty, damaged or of an unsupported version."""
 
 
 class CalibrationError(PerfanimError):

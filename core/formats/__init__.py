@@ -1,1 +1,1 @@
-"""Files of other programs and of our own: motion and marker takes."""
+"""Our own and other programs' files: motion and marker takes."""

@@ -1,4 +1,4 @@
-"""Unique names for joints and markers in files that repeat some."""
+"""Unique names for joints and markers in files that repeat names."""
 
 from collections.abc import Sequence
 

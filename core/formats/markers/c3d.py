@@ -85,14 +85,14 @@ class _C3dParser:
         if len(data) < 2 * _BLOCK or data[1] != _KEY:
             is_cut = data[1:2] == bytes([_KEY])
             what = "is cut off within its header" if is_cut else "is not a C3D file"
-            raise FormatError(what if data else "is empty", where=where)
+            raise FormatError(what if data else "is empty", where=where, advice="export it again")
         self.data = data
         self.where = where
         self.parameter_start = (data[0] - 1) * _BLOCK
         start = self.parameter_start
         self.processor = data[start + 3] if 0 <= start < len(data) - 4 else 0
         if self.processor not in (_INTEL, _DEC, _MIPS):
-            raise FormatError("has no readable parameter section", where=where, advice="the file is damaged")
+            raise FormatError("has no readable parameter section", where=where, advice="export it again")
         self.order = ">" if self.processor == _MIPS else "<"
 
     def read(self) -> MarkerTake:
@@ -112,7 +112,7 @@ class _C3dParser:
         return make_take(self.where, layout.fps, names, positions, numbers, times, declared)
 
     def _declared(self, parameters: Parameters) -> int:
-        """Return the frame count; some programs store counts that do not fit the header in parameters."""
+        """Return the declared frame count, which is stored in parameters if it does not fit the header."""
         frames = max(self._word(5) - self._word(4) + 1, 0)
         if frames < 0xFFFF:
             return frames
@@ -139,7 +139,7 @@ class _C3dParser:
     def layout(self, parameters: Parameters) -> Layout:
         points = int(_point(parameters, "USED", self._word(2))) & 0xFFFF
         if points == 0:
-            raise FormatError("has no points", where=self.where)
+            raise FormatError("has no points", where=self.where, advice="export it with markers")
         scale = self._real(self.data[12:16])  # takes precedence over the parameter SCALE
         if not np.isfinite(scale) or scale == 0.0:
             scale = float(_point(parameters, "SCALE", -1.0))
@@ -147,7 +147,7 @@ class _C3dParser:
         if not (np.isfinite(fps) and fps > 0.0):
             fps = self._real(self.data[20:24])
         if not (np.isfinite(fps) and fps > 0.0):
-            raise FormatError("gives no frame rate", where=self.where)
+            raise FormatError("states no frame rate", where=self.where, advice="export it with the frame rate")
         block = int(_point(parameters, "DATA_START", 0)) & 0xFFFF or self._word(9)
         if not 0 < (block - 1) * _BLOCK < len(self.data):
             block = self._word(9)
@@ -156,7 +156,7 @@ class _C3dParser:
         size = (4 * points + analog) * (4 if scale < 0.0 else 2)
         frames = self._frame_count(parameters, max(len(self.data) - start, 0) // size)
         if start <= 0 or frames == 0:
-            raise FormatError("stores no frames", where=self.where, advice="the file is truncated or damaged")
+            raise FormatError("stores no frames", where=self.where, advice="export it again")
         unit = str(_point(parameters, "UNITS", "mm") or "mm")
         metres = metres_of(unit, self.where)
         is_dec = self.processor == _DEC

@@ -52,7 +52,7 @@ def read_csv(path: Path | str) -> MarkerTake:
     where = str(path)
     text = decode_text(read_bytes(path), where, "table of markers")
     if "\x00" in text:
-        raise FormatError("is not a text file", where=where)
+        raise FormatError("is not a text file", where=where, advice="export it as CSV")
     separator = _separator(text)
     try:
         rows = [row or _BLANK for row in csv.reader(io.StringIO(text, newline=None), delimiter=separator)]
@@ -74,13 +74,13 @@ def _motive(rows: list[list[str]], where: str) -> MarkerTake:
     labels = {row[1].strip().lower(): row for row in rows[1:8] if len(row) > 1 and not row[0].strip()}
     head = next((i for i, row in enumerate(rows[:12]) if row and row[0].strip() == "Frame"), None)
     if head is None or "type" not in labels or "name" not in labels:
-        raise FormatError("lacks the header rows of a Motive export", where=where)
+        raise FormatError("lacks the header rows of a Motive export", where=where, advice="export it with the header")
     kinds = [kind.strip().lower() for kind in labels["type"]]
     measures = [cell.strip().lower() for cell in rows[head - 1]]
     axes = [cell.strip().upper() for cell in rows[head]]
     kind = next((kind for kind in _MOTIVE_KINDS if kind in kinds), None)
     if kind is None:
-        raise FormatError("has no markers", where=where, advice="export with markers from Motive")
+        raise FormatError("has no markers", where=where, advice="export it from Motive with markers")
     starts = [
         i for i in range(len(axes) - 2)
         if axes[i : i + 3] == ["X", "Y", "Z"] and kinds[i : i + 1] == [kind] and measures[i : i + 1] == ["position"]
@@ -91,7 +91,7 @@ def _motive(rows: list[list[str]], where: str) -> MarkerTake:
     rate = facts.get("Export Frame Rate") or facts.get("Capture Frame Rate") or "nan"
     fps = numbers_of([rate], f"{where}, line 1")[0]
     names = [labels["name"][i] for i in starts]
-    own = [name.split(":")[-1] for name in names]  # without the subject, unless two subjects share a name
+    own = [name.split(":")[-1] for name in names]  # without the subject, unless two subjects share a marker name
     names = own if len(set(own)) == len(own) else names
     count = facts.get("Total Exported Frames", "")
     declared = float(count) if count.isdecimal() else 0.0
@@ -129,7 +129,9 @@ def _plain(rows: list[list[str]], where: str) -> MarkerTake:
     if (not is_timed or _BY_CAMERA in header) and are_keypoints(list(names.values())):
         return keypoint_take(where, list(names.values()), positions, fps, frames, times)
     if not fps > 0.0 and times is None:
-        raise FormatError("gives neither fps nor times", where=where, advice="add a line '# fps=60' or a column time_s")
+        raise FormatError(
+            "states neither fps nor times", where=where, advice="add a line '# fps=60' or a column time_s"
+        )
     return make_take(where, fps, list(names.values()), positions, frames, times)
 
 
@@ -156,7 +158,8 @@ def _long(rows: list[list[str]], head: int, header: list[str], where: str) -> Ma
     frames, at = np.unique(values[:, 0], return_inverse=True)
     labels = list(dict.fromkeys(names))
     if is_over_budget(24 * len(frames) * len(labels), size) or not np.all(np.isfinite(frames)):
-        raise FormatError("lacks frame numbers, or most points in most frames", where=where)
+        what = "lacks frame numbers, or most points in most frames"
+        raise FormatError(what, where=where, advice="export it again with all points")
     points = np.full((len(frames), len(labels), 3), np.nan)
     column = {label: place for place, label in enumerate(labels)}
     points[at, [column[name] for name in names]] = values[:, 1:]

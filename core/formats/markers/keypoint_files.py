@@ -24,7 +24,7 @@ BODY = "body_"  # FreeMoCap's prefix for the names of body points
 
 _ORDERS = {17: "coco-17", 25: "body-25", 26: "halpe-26", 33: "blazepose-33"}  # marker set by number of points
 _HOLISTIC = (543, 553)  # number of points in MediaPipe's holistic model: the body's come first, then hands and face
-_UNITS_M = (1.0, 0.01, 0.001)  # metres per unit, the likely ones
+_UNITS_M = (1.0, 0.01, 0.001)  # likely units, metres
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,7 @@ class KeypointFileSettings:
     """Assumptions about files that state neither rate nor unit."""
 
     usual_fps: float = 30.0  # frame rate of webcams and phones, Hz
-    body_share: float = 0.5  # smallest share of the points in a frame that shows the size of the body
+    body_share: float = 0.5  # smallest share of the points that a frame must show for the body to be measured in it
 
 
 _S = KeypointFileSettings()
@@ -58,12 +58,12 @@ def read_npy(path: Path | str) -> MarkerTake:
     if known is None or points.shape[2] != 3 or points.dtype.kind not in "iuf":
         sizes = ", ".join(f"{size} ({name})" for size, name in _ORDERS.items())
         raise FormatError(
-            f"holds an array of the shape {points.shape}, which cannot be keypoints", where=where,
+            f"holds an array of shape {points.shape}, which cannot be keypoints", where=where,
             advice=f"write it with shape (frames, points, 3), where the number of points is one of {sizes}",
         )  # fmt: skip
     names = load_marker_set(known).names
     take = keypoint_take(where, names, points[:, : len(names)].astype(np.float64), float("nan"))
-    return replace(take, notes=(*take.notes, f"the points are named as those of {known}, by their number"))
+    return replace(take, notes=(*take.notes, f"the points are named as in {known}, judging by their number"))
 
 
 def keypoint_take(
@@ -88,7 +88,7 @@ def keypoint_take(
         times_s, notes = _recorded_times(Path(where), len(points))
     if times_s is None and not fps > 0.0:
         fps = _S.usual_fps
-        notes = (*notes, f"neither a rate nor times are stated: {fps:g} frames a second are assumed")
+        notes = (*notes, f"neither a rate nor times are stated: {fps:g} frames per second are assumed")
     take = make_take(where, fps, names, points * _metres_per_unit(points, where), frame_numbers, times_s)
     return replace(take, notes=(*take.notes, *notes))
 
@@ -98,7 +98,7 @@ def _metres_per_unit(points: Array, where: str) -> float:
     seen = np.all(np.isfinite(points), axis=-1) & np.any(points != 0.0, axis=-1)
     whole = points[np.sum(seen, axis=1) > _S.body_share * points.shape[1]]
     if len(whole) == 0:
-        raise FormatError("never shows most of the body in one frame", where=where)
+        raise FormatError("never shows most of the body in one frame", where=where, advice="record the whole body")
     whole = np.where(
         np.all(np.isfinite(whole), axis=-1, keepdims=True) & np.any(whole != 0.0, -1, keepdims=True), whole, np.nan
     )
@@ -107,7 +107,7 @@ def _metres_per_unit(points: Array, where: str) -> float:
 
 
 def _recorded_times(path: Path, frames: int) -> tuple[Array | None, tuple[str, ...]]:
-    """Return the times (F,) that FreeMoCap's cameras wrote next to a file, or None; and files that cannot be read."""
+    """Return the times (F,) that FreeMoCap's cameras wrote beside a file, or None; and notes about unreadable files."""
     notes: list[str] = []
     for folder in path.absolute().parents[:2]:
         stamps = []

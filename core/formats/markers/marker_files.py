@@ -16,7 +16,7 @@ from .recorded_take import read_recorded_take
 from .trc import read_trc, write_trc
 
 _OWN = ".take.npz"
-# file name ending -> reader
+# file extension -> reader
 _READERS: dict[str, Callable[[Path], MarkerTake]] = {
     ".c3d": read_c3d,
     ".trc": read_trc,
@@ -31,16 +31,18 @@ WRITABLE = (_OWN, ".c3d", ".csv", ".trc")
 
 
 def is_recorded(path: Path | str) -> bool:
-    """Return whether a file name has the ending of recorded takes."""
+    """Return whether a file name has the extension of recorded takes."""
     return Path(path).name.lower().endswith(ENDING)
 
 
 def read_take(path: Path | str) -> MarkerTake:
-    """Return the marker take in a file, in metres and the file's own axes; the ending, of `READABLE`, tells the format.
+    """Return the marker take in a file, in metres and the file's own axes.
+
+    The extension, one of `READABLE`, determines the format.
 
     Raises:
-        FormatError: The file is of another kind, is damaged, or has no markers.
-        TakeError: A .take.npz has another version, or a recorded take has no poses.
+        FormatError: The file is of the wrong kind, is damaged, or has no markers.
+        TakeError: A .take.npz has an unsupported version, or a recorded take has no poses.
     """
     ending = Path(path).suffix.lower()
     read = _READERS.get(_OWN if ending == ".npz" else ending)
@@ -50,13 +52,15 @@ def read_take(path: Path | str) -> MarkerTake:
 
 
 def check_ending(path: Path | str, endings: tuple[str, ...] = WRITABLE) -> None:
-    """Raise FormatError for a file name with any other ending; by default those of `write_take` are allowed."""
+    """Raise FormatError unless a file name has one of the extensions, by default those of `write_take`."""
     if not Path(path).name.lower().endswith(endings):
-        raise FormatError("has an ending that cannot be written", where=str(path), advice=f"use {', '.join(endings)}")
+        raise FormatError(
+            "has an extension that cannot be written", where=str(path), advice=f"use one of {', '.join(endings)}"
+        )
 
 
 def write_take(take: MarkerTake, path: Path | str) -> MarkerTake:
-    """Write a take and return it as written; the file name's ending, one of `WRITABLE`, tells the format.
+    """Write a take and return it as written; the extension, one of `WRITABLE`, determines the format.
 
     A `.take.npz` stores the times of the frames; the other formats state a rate, at which the frames are resampled.
     """

@@ -8,7 +8,7 @@ from ...markers.marker_take import MarkerTake
 from ...system.files import read_bytes
 from .reader_parts import lines_of, make_take, numbers_of, table_of
 
-_KIND = "export of Qualisys"
+_KIND = "Qualisys export"
 _METRES = 0.001  # metres per unit, which the file does not name
 _HEADER_LINES = 50  # more lines than any header has, including events
 _AHEAD = 2  # largest number of optional columns before the positions: frame and time
@@ -21,7 +21,7 @@ def read_tsv(path: Path | str) -> MarkerTake:
     the origin are missing positions.
 
     Raises:
-        FormatError: The file is of another kind, is damaged, or has no markers; names file and line.
+        FormatError: The file is of the wrong kind, is damaged, or has no markers; names file and line.
     """
     where, data = str(path), read_bytes(path)
     lines = lines_of(data, where, _KIND)
@@ -31,7 +31,9 @@ def read_tsv(path: Path | str) -> MarkerTake:
         names.pop()
     declared = _value(header, "NO_OF_MARKERS", where)
     if not names or declared != len(names):
-        raise FormatError(f"declares {declared:g} markers but names {len(names)}", where=where)
+        raise FormatError(
+            f"declares {declared:g} markers but names {len(names)}", where=where, advice="export it again"
+        )
     width = 3 * len(names)
     ahead = _AHEAD if len(_fields(lines[first], width)) == width + _AHEAD else 0
     rows = table_of(_rows(lines, first, width, ahead, where), len(lines), ahead + width, len(data), where)
@@ -56,10 +58,10 @@ def _header(lines: list[str], where: str) -> tuple[dict[str, list[str]], int]:
                 raise FormatError("holds no 3D data", where=where, advice="export 3D data from QTM")
             return header, number
         header.setdefault(key.strip().upper(), fields)
-    advice = "export with the header from QTM"
+    advice = "export it from QTM with the header"
     if "MARKER_NAMES" in header:
-        raise FormatError("has no frames", where=where)
-    raise FormatError("is not a marker export of Qualisys (it has no line MARKER_NAMES)", where=where, advice=advice)
+        raise FormatError("has no frames", where=where, advice="export it again")
+    raise FormatError("is not a Qualisys marker export (it has no line MARKER_NAMES)", where=where, advice=advice)
 
 
 def _is_data(line: str) -> bool:
@@ -82,6 +84,6 @@ def _rows(lines: list[str], first: int, width: int, ahead: int, where: str) -> I
             continue
         fields, place = _fields(line, width), f"{where}, line {number}"
         if len(fields) != width + ahead:
-            advice = "the file is truncated or damaged"
+            advice = "export it again"
             raise FormatError(f"has {len(fields)} fields, not {width + ahead}", where=place, advice=advice)
         yield fields, place

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from ...body.clock import ClockFault, clock_of, seconds_of
-from ...errors import FormatError, TakeError
+from ...errors import FormatError, TakeError, counted
 from ...geometry.arrays import Array, IntArray
 from ...markers.marker_take import MarkerTake
 from ...system.file_content import decode_text
@@ -25,13 +25,13 @@ LENGTHS: dict[str, float] = {
 
 
 def lines_of(data: bytes, where: str, expected: str) -> list[str]:
-    """Return the lines of a text file from any system; FormatError if it is not what `expected` says."""
+    """Return the lines of a text file from any system; FormatError if it is of another kind than `expected`."""
     return re.split("\r\n|\r|\n", decode_text(data, where, expected))
 
 
 def separator_of(line: str) -> str | None:
     """Return the field separator of a line: tab, semicolon or comma; None for spaces."""
-    found = max("\t;,", key=line.count)  # in a tie the first one wins
+    found = max("\t;,", key=line.count)  # the first one wins a tie
     return found if found in line else None
 
 
@@ -56,7 +56,8 @@ def metres_of(unit: str, where: str) -> float:
     try:
         return LENGTHS[unit.strip().lower()]
     except KeyError:
-        raise FormatError(f"has the unknown unit of length {unit.strip()[:20]!r}", where=where) from None
+        what = f"has the unknown unit of length {unit.strip()[:20]!r}"
+        raise FormatError(what, where=where, advice="export it in millimetres or metres") from None
 
 
 def table_of(rows: Iterable[tuple[Sequence[str], str]], count: int, width: int, size: int, where: str) -> Array:
@@ -69,7 +70,7 @@ def table_of(rows: Iterable[tuple[Sequence[str], str]], count: int, width: int, 
         size: Size of the file in bytes, which limits the table.
     """
     if is_over_budget(2 * count * width * 8, size, 8):  # the rows of fields take as much memory as the numbers
-        advice = "export it again, without columns that are empty"
+        advice = "export it again, without empty columns"
         raise FormatError(
             f"declares {count} rows of {width} columns, far more than it holds", where=where, advice=advice
         )
@@ -79,12 +80,12 @@ def table_of(rows: Iterable[tuple[Sequence[str], str]], count: int, width: int, 
         table[row, : len(values)], table[row, len(values) :] = values, np.nan
         row += 1
     if row == 0:
-        raise FormatError("has no frames", where=where)
+        raise FormatError("has no frames", where=where, advice="export it again")
     return table[:row]
 
 
 def numbers_of(fields: Sequence[str], where: str) -> list[float]:
-    """Return the numbers in text fields, NaN for blanks and "nan"; in a row without points, commas are decimal."""
+    """Return the numbers in text fields, NaN for blanks and "nan"; without points, commas are decimal points."""
     try:
         return _numbers(fields)
     except ValueError as error:
@@ -142,9 +143,9 @@ def _clock(
                 told = tuple(note.text for note in clock.notes if note.kind is ClockFault.HEADER)
                 skipped = int(np.ptp(frames)) + 1 - len(frames)
                 if clock.is_steady and not clock.lost and skipped and np.ptp(np.diff(frames)):
-                    told += (f"the frame numbers skip {skipped} frames, the times none: the times count",)
+                    told += (f"the frame numbers skip {counted(skipped, 'frame')}, the times none: the times are used",)
                 return clock.fps, clock.times_s if len(clock.rows) == len(frames) else known, told
     if stated is None:
-        raise FormatError("gives neither a frame rate nor times", where=where, advice="export it with the frame rate")
-    text = "the times of its frames are incomplete or all the same: their numbers and the rate count"
+        raise FormatError("states neither a frame rate nor times", where=where, advice="export it with the frame rate")
+    text = "the times of its frames are incomplete or all the same: the frame numbers and the rate are used instead"
     return stated, frames / stated, (text,) * (times_s is not None and len(frames) > 1)

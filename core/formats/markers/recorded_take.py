@@ -8,7 +8,7 @@ import numpy as np
 
 from ...body.clock import clock_of
 from ...body.scene_pose import PerformerPose
-from ...errors import TakeError
+from ...errors import TakeError, counted
 from ...geometry.camera import CameraRig
 from ...markers.marker_take import MarkerTake, SingleViews
 from ..take_file.take_reader import TakeFile, read_take_file
@@ -24,9 +24,9 @@ def marker_take(take: TakeFile) -> MarkerTake:
     poses = take.recorded_poses_of()
     if len(poses) < 2:
         raise TakeError(
-            f"has {len(poses)} solved frames, but at least 2 are needed",
+            f"has {counted(len(poses), 'solved frame')}, but at least 2 are needed",
             where=str(take.path),
-            advice="solve it: solving labels the markers",
+            advice="solve it, which also labels its markers",
         )
     clock = clock_of(np.array([pose.time_s for pose in poses]))
     found = take_of_poses(poses, take.setup.subjects()[0].marker_set.names, take.notes.name, clock.fps)

@@ -23,7 +23,7 @@ def rewrite_take(source: Path | str, take: MarkerTake, target: Path | str) -> li
 
     Args:
         take: Result of `read_take` with other positions.
-        target: File to write; its ending tells the format.
+        target: File to write; its extension determines the format.
 
     Raises:
         FormatError: The target cannot be written, or a position does not fit.
@@ -54,7 +54,7 @@ def _lost(source: Path) -> list[str]:
         kept = ["analog samples"] * analog + ["events", "parameters", "residuals"]
         return [f"not written: {', '.join(kept)} of {source.name}; a .c3d keeps them"]
     if source.suffix.lower() == ".csv":
-        return [f"not written: columns of {source.name} without markers"]
+        return [f"not written: other columns of {source.name}"]
     return []
 
 
@@ -68,7 +68,7 @@ def _c3d(data: bytes, where: str, positions_m: Array, changed: Mask, new: Mask) 
         values = np.rint(values / layout.scale)
         if np.any(np.abs(values[changed]) > 32767):
             advice = "write another format"
-            raise FormatError("a position does not fit its integers", where=where, advice=advice)
+            raise FormatError("a position is too large for the file's integers", where=where, advice=advice)
     else:
         words = _words(result, layout, "<u4" if layout.is_dec else layout.order + "f4")
     stored = _to_dec(values) if layout.is_dec and layout.scale < 0.0 else values

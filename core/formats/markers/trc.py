@@ -18,9 +18,9 @@ _KIND = "TRC file"
 def read_trc(path: Path | str) -> MarkerTake:
     """Return the take in a TRC file, in metres.
 
-    Blank fields, every spelling of NaN and points at the very origin are missing positions; rows may end early. Points
-    without a name are ignored. If the data rate is zero, the times determine it. Semicolons, commas or spaces may
-    replace the tabs, and tabs may be doubled.
+    Blank fields, every spelling of NaN and points exactly at the origin are missing positions; rows may end early.
+    Points without a name are ignored. If the data rate is zero, the times determine it. Semicolons, commas or spaces
+    may replace the tabs, and tabs may be doubled.
 
     Raises:
         FormatError: The file is not TRC, is damaged, or has no markers; names file and line.
@@ -29,7 +29,7 @@ def read_trc(path: Path | str) -> MarkerTake:
     lines = lines_of(data, where, _KIND)
     header = _header(lines, where)
     if len(lines) < 5:
-        raise FormatError("ends within its header", where=f"{where}, line {len(lines)}", advice="the file is cut off")
+        raise FormatError("ends within its header", where=f"{where}, line {len(lines)}", advice="export it again")
     separator = separator_of(lines[1])
     names = _names(lines[3].split(separator), header, where)
     width = 2 + 3 * len(names)
@@ -44,14 +44,14 @@ def _header(lines: list[str], where: str) -> dict[str, str]:
     if not lines[0].lower().startswith("pathfiletype"):
         raise FormatError("is not a TRC file (it does not begin with PathFileType)", where=where)
     if len(lines) < 3:
-        raise FormatError("ends within its header", where=where)
+        raise FormatError("ends within its header", where=where, advice="export it again")
     keys, values = ([field.strip() for field in line.split(separator_of(lines[1]))] for line in lines[1:3])
     # spreadsheets and some programs double the tabs in one of these lines
     if any(values[len(keys) :]) or ("" in keys and any(keys[len(values) :])):
         keys, values = ([field for field in fields if field] for fields in (keys, values))
     header = {k.lower(): v for k, v in zip(keys, values, strict=False)}
     if "units" not in header and "datarate" not in header:
-        raise FormatError("has no header values", where=f"{where}, line 3")
+        raise FormatError("has no header values", where=f"{where}, line 3", advice="export it again")
     return header
 
 
@@ -71,7 +71,8 @@ def _names(fields: list[str], header: dict[str, str], where: str) -> list[str]:
         advice = "name the points in the program that wrote it"
         raise FormatError("has no markers with a name", where=f"{where}, line 4", advice=advice)
     if declared < len(names):
-        raise FormatError(f"declares {declared:g} markers but names {len(names)}", where=f"{where}, line 4")
+        what = f"declares {declared:g} markers but names {len(names)}"
+        raise FormatError(what, where=f"{where}, line 4", advice="export it again")
     return names
 
 
@@ -131,7 +132,7 @@ def write_trc(take: MarkerTake, path: Path | str) -> None:
 
 
 def is_rewritable(data: bytes) -> bool:
-    """Return whether a TRC file has single tabs, decimal points and one byte per letter, as `rewrite_trc` expects."""
+    """Return whether a TRC file has single tabs, decimal points and no wide characters, as `rewrite_trc` expects."""
     lines = data.replace(b"\r", b"\n").split(b"\n")
     rows = [line.split(b"\t") for line in lines if line[:1].isdigit()]
     doubled = bool(rows) and not any(map(bytes.strip, rows[-1][1::2]))
@@ -139,7 +140,7 @@ def is_rewritable(data: bytes) -> bool:
 
 
 def rewrite_trc(data: bytes, where: str, positions_m: Array, changed: Mask) -> bytes:
-    """Return a TRC file's bytes with changed positions, (F, M, 3) and (F, M)."""
+    """Return a TRC file's bytes with the positions (F, M, 3) that the mask (F, M) marks as changed."""
     text = data.decode("utf-8", errors="surrogateescape")
     parts = re.split("(\r\n|\r|\n)", text)  # lines and line ends alternate
     lines = parts[::2]

@@ -104,12 +104,10 @@ def _layout(body: bytes, where: str, asf: AsfFile, line: int) -> list[AsfBone]:
                 advice="give the skeleton file that belongs to this motion",
             )
         if any(bone is other for other in layout):
-            raise FormatError(
-                f"lists the bone {words[0]!r} twice in one frame", where=place, advice="the file is damaged"
-            )
+            raise FormatError(f"lists the bone {words[0]!r} twice in one frame", where=place, advice="export it again")
         layout.append(bone)
     if asf.root not in layout:
-        raise FormatError("has no root in its first frame", where=where, advice="the file is damaged")
+        raise FormatError("has no root in its first frame", where=where, advice="export it again")
     return layout
 
 
@@ -154,9 +152,9 @@ def _first_fault(body: bytes, where: str, layout: list[AsfBone], line: int) -> F
         step = (step + 1) % len(expected)
         fault = _line_fault(words, expected[step])
         if fault:
-            return FormatError(fault, where=f"{where}, line {number}")
+            return FormatError(fault, where=f"{where}, line {number}", advice="repair this line, or export it again")
     what = "ends within a frame" if step != len(expected) - 1 else "has frames out of sequence"
-    return FormatError(what, where=f"{where}, line {number}", advice="the file is truncated or damaged")
+    return FormatError(what, where=f"{where}, line {number}", advice="export it again")
 
 
 def _line_fault(words: list[str], expected: list[str]) -> str:

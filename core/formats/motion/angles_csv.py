@@ -20,7 +20,7 @@ _ORDER = "ZXY"
 _CONVENTION = (
     "joint angles of perfanim, fps={fps!r}",
     "angles: degrees about the joint's own axes relative to its parent, intrinsic order z x y (R = Rz Rx Ry)",
-    "axes in the rest pose: x to the performer's left, y up, z forward; the root has its place and turn in the world",
+    "axes in the rest pose: x to the performer's left, y up, z forward; the root is relative to the world",
 )
 
 

@@ -113,7 +113,8 @@ class _Parser:
         return self.lines[number].split("#", 1)[0].replace("(", " ( ").replace(")", " ) ").split()
 
     def _error(self, what: str) -> FormatError:
-        return FormatError(what, where=f"{self.where}, line {self.line}" if self.line else self.where)
+        where = f"{self.where}, line {self.line}" if self.line else self.where
+        return FormatError(what, where=where, advice="repair the file, or export it again")
 
     def _lines(self, section: str) -> Iterator[list[str]]:
         if not self.sections[section]:
@@ -226,7 +227,7 @@ class _Parser:
 
 
 def fixed_axis_rotation(angles: Array, order: str) -> Array:
-    """Return rotations about fixed axes by angles (..., n), radians, in that order."""
+    """Return rotations by angles (..., n), radians, about fixed axes in the given order."""
     return rot.from_euler(angles[..., ::-1], order[::-1])
 
 
@@ -269,7 +270,8 @@ def _parents_first(parents: dict[str, str], where: str) -> list[str]:
     while waiting:
         ready = [name for name in waiting if parents[name] == ROOT or parents[name] in order]
         if not ready:
-            raise FormatError(f"has bones that are not connected to the root: {', '.join(waiting[:5])}", where=where)
+            what = f"has bones that are not connected to the root: {', '.join(waiting[:5])}"
+            raise FormatError(what, where=where, advice="repair the file, or export it again")
         order[ready[0]] = None
         waiting.remove(ready[0])
     return list(order)

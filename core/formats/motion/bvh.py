@@ -24,7 +24,7 @@ from .number_parsing import angle_jumps, check_pose_bytes, parse_table
 # metres per unit; "cmu" is the unit of the CMU database's own files (inches / 0.45)
 UNITS: dict[str, float] = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254, "ft": 0.3048, "cmu": 0.0254 / 0.45}
 WRITTEN_ORDER = "ZXY"
-_WIDTH = "write one frame a line, with a value for each channel of the hierarchy"
+_WIDTH = "write one frame per line, with a value for each channel of the hierarchy"
 
 
 def read_bvh(content: Path | str | bytes, name: str = "", unit: str = "auto") -> SourceMotion:
@@ -35,8 +35,8 @@ def read_bvh(content: Path | str | bytes, name: str = "", unit: str = "auto") ->
         name: Name of the clip; for bytes also the file name in messages.
         unit: One of UNITS, or "auto" for the one that makes the body closest to the size of an adult.
 
-    Frames with "nan" keep it (see `SourceMotion.finite_frames`). If the frame count in the header differs from the
-    number of rows and the last row is complete, this is noted.
+    Numbers written as "nan" stay NaN (see `SourceMotion.finite_frames`). If the frame count in the header differs from
+    the number of rows, and the last row is complete, a note says so.
 
     Raises:
         FormatError: The file is not BVH, is damaged or cut off; names file and line.
@@ -46,7 +46,7 @@ def read_bvh(content: Path | str | bytes, name: str = "", unit: str = "auto") ->
     else:
         where, data = str(content), read_bytes(content)
     if unit != "auto" and unit not in UNITS:
-        raise FormatError(f"{unit!r} is not a unit", where=where, advice="units: auto, " + ", ".join(UNITS))
+        raise FormatError(f"{unit!r} is not a unit", where=where, advice="use one of auto, " + ", ".join(UNITS))
     header, motion, line = _split(data, where)
     hierarchy = read_hierarchy(header, where)
     rows, fps, notes = _read_motion(motion, hierarchy.width, where, line)
@@ -64,7 +64,7 @@ def _split(data: bytes, where: str) -> tuple[str, bytes, int]:
     match = re.search(rb"(?mi)^[ \t]*MOTION[ \t]*$", data)
     if match is None:
         lines = data.count(b"\n") + 1
-        raise FormatError("has no MOTION section", where=f"{where}, line {lines}", advice="the file is cut off")
+        raise FormatError("has no MOTION section", where=f"{where}, line {lines}", advice="export it again")
     line = data.count(b"\n", 0, match.start()) + 1
     header, motion = (with_decimal_points(part) for part in (data[: match.start()], data[match.end() :]))
     return decode_text(header, where, "BVH file"), motion, line
@@ -81,7 +81,7 @@ def _read_motion(block: bytes, width: int, where: str, line: int) -> tuple[Array
     if match is None or not 1.0 / MOST_FPS <= interval <= 1.0 / LEAST_FPS:
         raise FormatError("needs 'Frames:' and a 'Frame Time:' from 0.0005 to 1 s after MOTION", where=place)
     if width == 0:
-        raise FormatError("has no channels", where=where)
+        raise FormatError("has no channels", where=where, advice="export it with animation")
     body = block[match.end() :]
     numbers = parse_table(body)
     first = line + block.count(b"\n", 0, match.end())
@@ -91,7 +91,7 @@ def _read_motion(block: bytes, width: int, where: str, line: int) -> tuple[Array
         _check_lines(body, width, declared, f"{where}, line", first)
     rows = numbers.reshape(-1, width)
     if len(rows) == 0:
-        raise FormatError("has no frames", where=place)
+        raise FormatError("has no frames", where=place, advice="export it with animation")
     notes = [] if len(rows) == declared else [f"declares {declared} frames, has {len(rows)}"]
     fps = 1.0 / interval
     return rows, float(round(fps)) if abs(fps - round(fps)) < 0.01 else fps, notes
@@ -108,23 +108,23 @@ def _first_word_that_is_no_number(body: bytes, place: str, line: int) -> FormatE
 
 
 def _check_lines(body: bytes, width: int, declared: int, place: str, line: int) -> None:
-    """Raise FormatError for a line that does not hold a frame.
+    """Raise FormatError for the first line that has too few or too many values.
 
-    A frame may be broken over lines and several may share one, unless there are as many lines as frames.
+    Unless there are as many lines as frames, a frame may span several lines, and a line may hold several frames.
     """
     lines = [(number, len(raw.split())) for number, raw in enumerate(body.split(b"\n"), start=line)]
     lines = [(number, count) for number, count in lines if count]
-    start, begun = 0, 0  # first line and values of an unfinished frame
+    start, begun = 0, 0  # first line and number of values of an unfinished frame
     for index, (_, count) in enumerate(lines):
         start, begun = (start if begun else index), begun + count
-        is_cut = index + 1 == len(lines) and count < width  # by the end of the file
+        is_cut = index + 1 == len(lines) and count < width  # cut by the end of the file
         is_wrong = len(lines) == declared and count != width
         if (is_wrong or (begun > width and begun % width)) and not is_cut:
             what = f"has {lines[start][1]} of {width} values"
             raise FormatError(what, where=f"{place} {lines[start][0]}", advice=_WIDTH)
         begun %= width
     if begun:
-        what, advice = f"has {begun} of {width} values in its last row", "the file is cut off or a value is missing"
+        what, advice = f"has {begun} of {width} values in its last row", "complete the row, or export the file again"
         raise FormatError(what, where=f"{place} {lines[-1][0]}", advice=advice)
 
 
@@ -203,7 +203,7 @@ def _likely_unit(parents: IntArray, offsets: Array, tips: Array, reach_m: float 
     """Return the unit, in metres, that makes the longest chain of bones most like an adult's.
 
     Args:
-        reach_m: Length from pelvis to finger tips of an adult; units differ by at least a factor of two.
+        reach_m: Length from an adult's pelvis to the fingertips; rough, as units differ by at least a factor of two.
     """
     children = np.bincount(parents[parents >= 0], minlength=len(parents)).tolist()
     lengths = rot.lengths(offsets).tolist()
@@ -230,7 +230,7 @@ def write_bvh(motion: Motion, path: Path | str, units: str = "m", decimals: int 
         FormatError: The unit is unknown, or the file cannot be written.
     """
     if units not in UNITS:
-        raise FormatError(f"{units!r} is not a unit", where=str(path), advice="units: " + ", ".join(UNITS))
+        raise FormatError(f"{units!r} is not a unit", where=str(path), advice="use one of " + ", ".join(UNITS))
     scale = 1.0 / UNITS[units]
     order = _depth_first(motion.skeleton)
     angles = np.degrees(rot.to_euler(motion.rotations[:, order], WRITTEN_ORDER))

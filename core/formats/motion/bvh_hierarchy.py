@@ -55,7 +55,9 @@ def read_hierarchy(text: str, where: str) -> BvhHierarchy:
     try:
         return _hierarchy(text)
     except FormatError as error:
-        raise FormatError(error.what, where=f"{where}, {error.where}", advice="the file is damaged") from None
+        raise FormatError(
+            error.what, where=f"{where}, {error.where}", advice="repair this line, or export it again"
+        ) from None
 
 
 @lru_cache(maxsize=16)  # the clips of a data set share only a few hierarchies

@@ -63,7 +63,7 @@ def motion_files(sources: Sequence[Path | str]) -> Iterator[list[MotionFile]]:
 
 
 def is_archive(name: str) -> bool:
-    """Return whether a file name has the ending of an archive that can be read."""
+    """Return whether a file name has the extension of an archive that can be read."""
     return name.lower().endswith((".zip", *_TAR_SUFFIXES))
 
 
@@ -82,7 +82,7 @@ def _members(source: Path, scratch: Path) -> dict[str, Path]:
             return dict(sorted(unpack(source, scratch).items()))
     if not _is_used(lower):
         raise FormatError(
-            "is neither motion nor an archive of motion", where=str(source), advice="give .bvh, .amc, .zip or .tar.*"
+            "is neither motion nor an archive of motion", where=str(source), advice="give a .bvh, .amc, .zip or .tar.*"
         )
     beside = {path.name: path for path in source.parent.glob("*") if path.suffix.lower() == ".asf"}
     index = source.parent / _INDEX_NAME
@@ -90,7 +90,7 @@ def _members(source: Path, scratch: Path) -> dict[str, Path]:
 
 
 def _is_used(name: str, is_packed: bool = False) -> bool:
-    """Return whether a file is read; an archive inside an archive is, so that the error can name it."""
+    """Return whether a file is read; an archive inside an archive counts, so that an error can name it."""
     if is_packed and is_archive(name):
         return True
     return PurePosixPath(name).suffix.lower() in _USED_SUFFIXES or PurePosixPath(name).name == _INDEX_NAME
@@ -136,8 +136,8 @@ def counted_headers(source: Path, longest_name: int = 1 << 16) -> type[tarfile.T
         def frombuf(cls, buf: bytes | bytearray, encoding: str, errors: str) -> "Header":
             check_count(source, next(numbers))
             header = super().frombuf(buf, encoding, errors)
-            if header.type in _NAME_TYPES and header.size > longest_name:  # tarfile reads such a name as a whole
-                raise ValueError(f"a file's name of {header.size} bytes")
+            if header.type in _NAME_TYPES and header.size > longest_name:  # tarfile would read all of it
+                raise ValueError(f"a file name has {header.size} bytes")
             return header
 
     return Header

@@ -1,4 +1,4 @@
-"""Numbers in motion files: parsing their text, and finding jumps of their angles."""
+"""Numbers in motion files: parsing them, and finding jumps in angles."""
 
 import io
 import warnings
@@ -6,7 +6,7 @@ from contextlib import suppress
 
 import numpy as np
 
-from ...errors import FormatError
+from ...errors import FormatError, counted
 from ...geometry.arrays import Array, Mask
 from ...system.files import is_over_budget
 
@@ -26,7 +26,7 @@ def parse_table(text: bytes) -> Array | None:
     """
     if not text or text.isspace():
         return np.empty(0)
-    with suppress(ValueError):  # lines of different lengths; `fromstring` takes a quarter longer
+    with suppress(ValueError):  # fails if lines differ in length; `fromstring` does not, but takes a quarter longer
         return np.loadtxt(io.BytesIO(text), comments=None, ndmin=2)
     with warnings.catch_warnings():
         warnings.simplefilter("error", DeprecationWarning)  # numpy 1 warns about other text, numpy 2 raises
@@ -41,16 +41,16 @@ def angle_jumps(angles_deg: Array, least_deg: float = 150.0) -> Mask:
 
     Args:
         angles_deg: Rotation channels (F, N).
-        least_deg: Difference that counts; the two forms of one Euler rotation lie 180 or 360 degrees apart.
+        least_deg: Smallest jump; Euler angles of the same rotation differ by 180 or 360 degrees.
     """
     steps = np.abs(np.diff(angles_deg, axis=0))
     return np.concatenate(([False], np.any(steps > least_deg, axis=1)))
 
 
 def check_pose_bytes(frames: int, joints: int, file_bytes: int, where: str) -> None:
-    """Raise FormatError if joints without numbers would make the poses far larger than the file."""
+    """Raise FormatError if joints without channels would make the poses far larger than the file."""
     if is_over_budget(frames * joints * _POSE_BYTES, file_bytes):
         raise FormatError(
-            f"has {frames} frames of {joints} joints, far more than its size allows", where=where,
-            advice="leave out the joints without numbers, or cut it into parts",
+            f"has {counted(frames, 'frame')} of {counted(joints, 'joint')}, far more than its size allows", where=where,
+            advice="remove the joints without channels, or split the file",
         )  # fmt: skip

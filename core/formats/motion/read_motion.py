@@ -33,8 +33,8 @@ def read_motion(path: Path | str, skeleton: Path | str | None = None) -> Motion:
         skeleton: ASF file for an AMC file; by default one next to it with a matching name.
 
     Raises:
-        FormatError: The file is unreadable or of another kind, or some frames lack numbers.
-        SkeletonError: Its joints cannot be recognised.
+        FormatError: The file is unreadable or of the wrong kind, or holds numbers that are not finite.
+        SkeletonError: The file's joints cannot be recognised.
     """
     read = read_motion_parts(Path(path), None if skeleton is None else Path(skeleton))
     gaps = [defect for defect in read.defects if defect.kind == _NOT_FINITE]
@@ -103,10 +103,10 @@ def _read_parts(path: Path, skeleton: Path | None, name: str) -> MotionParts:
 
 
 def _finite_ranges(finite: Mask, where: str) -> tuple[list[tuple[int, int]], list[Defect]]:
-    """Return the ranges of frames that have all their numbers, and the gaps between them."""
+    """Return the ranges of frames with finite numbers only, and the gaps between them."""
     ranges = runs(finite)
     if not ranges:
-        raise FormatError("has numbers that are not finite in every frame", where=where)
+        raise FormatError("has no frame with finite numbers only", where=where, advice="export it again")
     bounds = [0, *(bound for pair in ranges for bound in pair), len(finite)]
     gaps = [
         Defect(_NOT_FINITE, start + 1, stop, "cut out")
@@ -122,7 +122,7 @@ def _read_amc(path: Path, skeleton: Path | None, name: str) -> MotionParts:
         found = _skeletons_beside(path.parent, changed).of(path.as_posix())
         if found is None:
             raise FormatError(
-                "has no skeleton: no .asf file beside it matches", where=str(path), advice="put its .asf file there"
+                "has no skeleton: no .asf file beside it matches", where=str(path), advice="put its .asf file beside it"
             )
         skeleton = Path(found)
     asf = _asf_file(skeleton, skeleton.stat().st_mtime_ns if is_file(skeleton) else 0)

@@ -1,4 +1,4 @@
-"""Writing motion files for other programs; the file name's ending chooses the format."""
+"""Writing motion files for other programs; the file's extension determines the format."""
 
 from pathlib import Path
 
@@ -14,7 +14,7 @@ MOTION_ENDINGS = (BVH, ANGLES, VRMA)
 
 
 def is_motion(path: Path | str) -> bool:
-    """Return whether a file name has the ending of a motion format."""
+    """Return whether a file name has the extension of a motion format."""
     return Path(path).name.lower().endswith(MOTION_ENDINGS)
 
 
@@ -24,13 +24,13 @@ def write_motion(
     """Write a motion of the standard skeleton; return it as written.
 
     Args:
-        path: File that ends in one of `MOTION_ENDINGS`.
+        path: File with one of the extensions `MOTION_ENDINGS`.
         units: Unit of length in a BVH file, one of `bvh.UNITS`; the other formats use metres.
         naming: Key of `displayed_joint_names.NAMINGS`: joint names in BVH and CSV. VRM has its own names.
         rate: Frames per second; None for the motion's own rate.
 
     Raises:
-        FormatError: The ending is unknown, or the file cannot be written.
+        FormatError: The extension is unknown, or the file cannot be written.
         SettingsError: The naming is unknown.
     """
     name = Path(path).name.lower()
@@ -42,5 +42,5 @@ def write_motion(
     elif name.endswith(VRMA):
         write_vrma(written, path)
     else:
-        raise FormatError("is not a motion file", where=str(path), advice=f"use {', '.join(MOTION_ENDINGS)}")
+        raise FormatError("is not a motion file", where=str(path), advice=f"use one of {', '.join(MOTION_ENDINGS)}")
     return written

@@ -187,7 +187,7 @@ def _skip(data: bytes, position: int, faults: list[Fault]) -> int:
 
 
 def _gaps(chunks: Sequence[Chunk], faults: Sequence[Fault]) -> list[Fault]:
-    """Return a fault for missing chunks that no damage explains."""
+    """Return a fault for each gap in the sequence numbers that no damage explains."""
     result = []
     expected, stop = 0, PREAMBLE_BYTES
     for chunk in chunks:

@@ -58,8 +58,8 @@ class Footer:
 
     @staticmethod
     def unpack(payload: memoryview | bytes, where: str) -> "Footer":
-        """Return the footer from the bytes of `pack`; TakeError for other bytes."""
-        with reading(where, TakeError, what="has an end mark that is not understood"):
+        """Return the footer from the bytes of `pack`; TakeError if they are invalid."""
+        with reading(where, TakeError, what="has an unreadable end mark"):
             (size,) = _FACTS.unpack_from(payload)
             start, stop = _FACTS.size + size, len(payload) - _TRAILER.size
             facts = json_object(bytes(payload[_FACTS.size : start]), f"{where}, end mark")
@@ -68,7 +68,7 @@ class Footer:
 
 
 def duration_s(first_s: float, last_s: float) -> float:
-    """Return a duration for the facts, 0 if damaged times do not give one."""
+    """Return the duration for the facts, or 0 if the times are damaged."""
     passed_s = last_s - first_s
     return passed_s if math.isfinite(passed_s) and abs(passed_s) <= _LONGEST_S else 0.0
 

@@ -49,7 +49,7 @@ def pack_solved(timed: TimedPose) -> bytes:
 
 
 def unpack_solved(data: bytes) -> TimedPose:
-    """Return the pose from `pack_solved`; CaptureError for other bytes."""
+    """Return the pose from the bytes of `pack_solved`; CaptureError if they are invalid."""
     if len(data) < _TIMED_HEADER.size:
         raise CaptureError("a pose was cut off", where="worker")
     stamp_s, solve_s, waiting = _TIMED_HEADER.unpack_from(data)
@@ -68,7 +68,7 @@ def pack_pose(pose: ScenePose) -> bytes:
 
 
 def unpack_pose(data: bytes) -> ScenePose:
-    """Return the pose from `pack_pose`; CaptureError for other bytes."""
+    """Return the pose from the bytes of `pack_pose`; CaptureError if they are invalid."""
     if len(data) < _PART_ERRORS.size:
         raise CaptureError("a pose was cut off", where="worker")
     magic, version, parts, size = _PART_ERRORS.unpack_from(data)
@@ -96,7 +96,7 @@ def _pack_scene(pose: ScenePose) -> bytes:
 
 
 def _unpack_scene(data: bytes) -> ScenePose:
-    """Return the pose from `_pack_scene`; CaptureError for other bytes."""
+    """Return the pose from the bytes of `_pack_scene`; CaptureError if they are invalid."""
     version, first, rest = _unpack_performer(data)
     try:
         if version == _SEVERAL_PERFORMERS:
@@ -132,7 +132,7 @@ def _unpack_performer(data: bytes) -> tuple[int, PerformerPose, bytes]:
         _HEADER.unpack_from(data)
     )
     if magic != _MAGIC or version not in (_ONE_PERFORMER, _WITH_PROPS, _SEVERAL_PERFORMERS):
-        raise CaptureError("the solver's process is of another version", advice="restart Blender")
+        raise CaptureError("the solver's process runs another version", advice="restart Blender")
     floats = 4 * joints + 3 + 6 * markers
     notes_at = _HEADER.size + 8 * (floats + markers)
     end = notes_at + note_bytes
@@ -160,7 +160,7 @@ def _unpack_performer(data: bytes) -> tuple[int, PerformerPose, bytes]:
 
 
 def _only_performer(data: bytes) -> PerformerPose:
-    """Return the pose of one performer; struct.error for further bytes."""
+    """Return the pose of one performer; struct.error if any bytes are left."""
     version, pose, rest = _unpack_performer(data)
     if version != _ONE_PERFORMER or rest:
         raise struct.error("another length")
@@ -173,7 +173,7 @@ def _pack_props(props: Sequence[PropPose]) -> bytes:
 
 
 def _unpack_props(data: bytes) -> tuple[PropPose, ...]:
-    """Return the props from `_pack_props`; struct.error for other bytes."""
+    """Return the props from the bytes of `_pack_props`; struct.error if they are invalid."""
     (count,) = _PROPS.unpack_from(data)
     if len(data) != _PROPS.size + count * _PROP.size:
         raise struct.error("another length")

@@ -146,7 +146,7 @@ class TakeFile:
             faults.append("the file ends without its end mark")
         missing = self.declared_frames - self.frame_count
         if missing > 0:
-            faults.append(f"{missing} of {self.declared_frames} frames are lost with the damaged part")
+            faults.append(f"the damaged part held {missing} of {self.declared_frames} frames")
         return [f"{line}; {_RECOVER}" for line in faults]
 
     def _of(self, kind: ChunkKind) -> list[Chunk]:
@@ -194,7 +194,7 @@ def _fault_of_facts(chunk: Chunk, where: str) -> Fault | None:
             read(bytes(chunk.payload), where)
     except TakeError as error:
         name = ChunkKind(chunk.kind).name.lower()
-        what = f"chunk {chunk.sequence} ({name}) is not understood: {error.what}"
+        what = f"chunk {chunk.sequence} ({name}) is unreadable: {error.what}"
         return Fault(chunk.offset, HEADER_BYTES + len(chunk.payload), what)
     return None
 
@@ -205,7 +205,7 @@ def take_name(path: Path | str) -> str:
 
 
 def unused_path(folder: Path, name: str, ending: str = ENDING) -> Path:
-    """Return an unused path in a folder for a take or another file with that name, cut to 200 bytes."""
+    """Return an unused path in a folder for a file of that name, which is cut to 200 bytes."""
     stem = "".join("-" if letter in '<>:"/\\|?*' or ord(letter) < 32 else letter for letter in name)
     stem = stem.encode("utf-8", "replace")[:200].decode("utf-8", "ignore").strip(". ") or "take"
     path, count = folder / f"{stem}{ending}", 2
@@ -241,7 +241,7 @@ class TakeSummary:
 
 
 def summarise(path: Path | str) -> TakeSummary:
-    """Return the summary of a take; TakeError for another kind of file or an unreadable one."""
+    """Return the summary of a take; TakeError if the file is of the wrong kind or unreadable."""
     path = Path(path)
     with open_foreign(path, TakeError) as file, reading(path, TakeError, what="cannot be read"):
         preamble_faults(file.read(PREAMBLE_BYTES + HEADER_BYTES), str(path))

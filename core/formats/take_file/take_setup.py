@@ -16,7 +16,7 @@ from ...system.files import reading
 from ...system.schema import About, Schema, Table, table_of
 
 MOST_STARS = 5
-_DEEPEST = 64  # deepest nesting of JSON: far below what Python can copy
+_DEEPEST = 64  # deepest nesting of JSON accepted, far below Python's recursion limit
 _MOST = 1e15  # largest frame number, and number of seconds
 
 
@@ -26,7 +26,7 @@ class TakeSetup:
 
     Args:
         rig: Tables as in a rig file; empty for imported markers without cameras.
-        performers: Subjects with marker sets as in their files; empty if it is unknown who was filmed.
+        performers: Subjects with marker sets as in their files; empty if the performers are unknown.
         settings: Solver settings that differ from the defaults.
         database: "path", "frames", "fps" and "sha256" (of its header).
         capture: Sources and detection settings as requested.
@@ -107,7 +107,7 @@ class TakeNotes:
     notes: Annotated[str, About("notes of the user")] = ""
     rating: Annotated[int, About("stars, 0 for none", "", 0, MOST_STARS)] = 0
     character: Annotated[str, About("character that was animated live")] = ""
-    played: Annotated[bool, About("whether the take was put onto a character later")] = False
+    played: Annotated[bool, About("whether the take was later applied to a character")] = False
     recorded: Annotated[
         tuple[int, int] | None,
         About("first and last frame number between countdown and automatic end; by default all", "", -_MOST, _MOST),
@@ -159,10 +159,10 @@ _EVENT = Schema(TakeEvent, "Event of a take", "An incident while it was recorded
 
 def json_object(data: bytes, where: str) -> dict[str, Any]:
     """Return a JSON object; TakeError for other bytes, or if it is nested too deeply."""
-    with reading(where, TakeError, what="holds no JSON where some was expected"):
+    with reading(where, TakeError, what="holds invalid JSON"):
         value = json.loads(data)
     if not isinstance(value, dict):
-        raise TakeError("holds no JSON object where one was expected", where=where, advice="check the file")
+        raise TakeError("holds JSON that is not an object", where=where, advice="check the file")
     if _is_deeper(value, _DEEPEST):
         raise TakeError(f"holds JSON nested more than {_DEEPEST} deep", where=where, advice="check the file")
     return value

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ...errors import FormatError, PerfanimError, TakeError
+from ...errors import FormatError, PerfanimError, TakeError, counted
 from ...markers.marker_frame import MarkerFrame
 from ...markers.marker_frame_codec import pack_stamped, unpack_stamped
 from ...system.files import atomic_path
@@ -162,7 +162,9 @@ class TakeWriter:
             with contextlib.suppress(OSError, FormatError), atomic_path(path) as temporary:
                 temporary.write_bytes(self.path.read_bytes()[: self._whole] + self._waiting)
             if path.exists():
-                self._report(f"{self.path.name} did not fit on its disk: all of it is in {path}; move it to your takes")
+                self._report(
+                    f"{self.path.name} did not fit on its disk: the whole take is in {path}; move it to your takes"
+                )
                 self.path = path
                 return
 
@@ -202,7 +204,7 @@ class TakeWriter:
 
     def _report_dropped(self) -> None:
         if self._dropped:
-            self._event(f"{self._dropped} frames could not be kept: the disk was full")
+            self._event(f"{counted(self._dropped, 'frame')} could not be kept: the disk was full")
             self._dropped = 0
 
     def _event(self, text: str, **facts: Any) -> None:
@@ -270,7 +272,7 @@ def record_frames(out: Path, setup: TakeSetup, frames: Iterable[MarkerFrame], *,
             path.unlink()
             writer.path.unlink(missing_ok=True)
         elif isinstance(error, PerfanimError):
-            advice = f"the frames before are in {writer.path}"
+            advice = f"the frames recorded before are in {writer.path}"
             raise type(error)(error.what, where=error.where, advice=advice) from error
         raise
     return path

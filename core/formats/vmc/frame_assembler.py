@@ -12,9 +12,9 @@ Key = tuple[str, str]  # address and name
 
 @dataclass(frozen=True)
 class FloodLimits:
-    """Limits on accepted input; the excess is dropped, so that no program can fill memory or time."""
+    """Limits on accepted input; the excess is dropped, so that no program can exhaust memory or time."""
 
-    packets: int = 20_000  # per second; a program that sends every bone on its own at 120 Hz sends a third of this
+    packets: int = 20_000  # per second; a program with a packet for every bone at 120 Hz sends a third of this
     size: int = 600_000  # bytes per second; a body with face at 60 Hz takes less than half of this
     frames: int = 300  # per second; programs send 60 to 240
     placed: int = 1000  # bones and trackers in a frame
@@ -124,7 +124,7 @@ class FrameAssembler:
 def tracker_names(keys: Iterable[Key]) -> dict[Key, str]:
     """Return names for the head sets, controllers and trackers among the keys.
 
-    The name is the serial number, the kind if there is none, or both if two have the same serial number.
+    The name is the serial number, the kind of device if there is none, or both if two share a serial number.
     """
     names = {key: key[1] or TRACKERS[key[0]] for key in keys if key[0] in TRACKERS}
     given = list(names.values())

@@ -1,7 +1,7 @@
 """Bones of a VMC humanoid (Unity's HumanBodyBones), and motion of these bones.
 
 When all rotations of a humanoid are zero, it stands in a T pose with straight legs, and the axes of all bones are the
-world's. Our rest pose spreads the legs, so orientations are converted as for a file's skeleton (`rest_alignment`).
+world's. Our rest pose spreads the legs, so orientations are converted as for a file's skeleton (`align_rest`).
 Everything here is in our axes; `vmc_packets` converts them to Unity's.
 """
 
@@ -106,7 +106,7 @@ def motion_of_bones(poses: BonePoses, name: str, fps: float) -> Motion:
         SkeletonError: A thigh, shank, upper arm or forearm is missing, or the body is not upright.
     """
     if "Hips" not in poses.names:
-        raise TakeError("has no bone Hips", where=name, advice="make the other program send all bones")
+        raise TakeError("has no bone Hips", where=name, advice="set the other program to send all bones")
     offsets = np.median(poses.positions_m, axis=0)
     offsets[0] = 0.0
     if np.max(np.abs(offsets)) < 1e-6:

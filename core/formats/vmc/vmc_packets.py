@@ -61,7 +61,7 @@ class Clock:
 
 
 class FramePackets:
-    """Encoder of frames with the same bones as bundles: available, time, root at the origin, and bones.
+    """Encoder of bundles, one per frame: available, time, root at the origin, and the same bones in each.
 
     The library encodes each message once; `packet` only replaces the numbers at its end, which is 50 times as fast.
     """

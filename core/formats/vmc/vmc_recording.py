@@ -7,7 +7,7 @@ import numpy as np
 
 from ...body.clock import Clock, clock_of
 from ...body.motion import Motion
-from ...errors import TakeError
+from ...errors import TakeError, counted
 from ...geometry import rotations as rot
 from ...markers.marker_take import MarkerTake
 from .frame_assembler import LIMITS, FrameAssembler, Key, VmcFrame, tracker_names
@@ -94,10 +94,11 @@ class Recording:
         """Return the frames that have any of the keys, and their clock from the first one on."""
         frames = [frame for frame in self._all() if any(key in frame.placed for key in keys)]
         if len(frames) < 2:
+            packets = counted(self.gathering.packets, "packet")
             raise TakeError(
-                f"only {len(frames)} frames with {what} arrived in {self.gathering.packets} packets",
+                f"only {counted(len(frames), 'frame')} with {what} arrived in {packets}",
                 where=name,
-                advice="let the other program send them to this port at 127.0.0.1, or at this computer's address",
+                advice="set the other program to send them to this port at 127.0.0.1, or at this computer's address",
             )
         arrivals_s = np.array([frame.arrival_s for frame in frames])
         clocks_s = np.array([frame.clock_s for frame in frames if frame.clock_s is not None])

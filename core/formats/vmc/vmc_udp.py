@@ -10,7 +10,7 @@ from typing import Any
 
 from ...body.motion import Motion
 from ...body.skeleton import Skeleton
-from ...errors import CaptureError
+from ...errors import CaptureError, counted
 from ...geometry.arrays import Array
 from ...system.progress import Progress
 from .humanoid import BONES, Humanoid
@@ -19,11 +19,11 @@ from .vmc_packets import FramePackets
 from .vmc_recording import Recording
 
 _LARGEST_PACKET = 65535  # bytes
-_SO_RXQ_OVFL = 40  # on Linux each packet reports the number of dropped ones; Python lacks this constant
+_SO_RXQ_OVFL = 40  # on Linux each packet reports the number of dropped packets; Python lacks this constant
 
 
 def play(motion: Motion, host: str, port: int, progress: Progress) -> int:
-    """Send a motion in real time, one bundle per frame; return the bytes sent."""
+    """Send a motion in real time, one bundle per frame; return the number of bytes sent."""
     sent = 0
     with Sender(motion.skeleton, host, port) as sender:
         begun_s = time.perf_counter()
@@ -55,7 +55,11 @@ class Sender(AbstractContextManager["Sender"]):
         self.close()
 
     def send(self, time_s: float, rotations: Array, root_position_m: Array) -> int:
-        """Send a pose (J, 4) and (3,); return the bytes sent; CaptureError if the network does not accept them."""
+        """Send a pose and return the number of bytes sent; CaptureError if the network does not accept them.
+
+        Args:
+            rotations, root_position_m: (J, 4) and (3,), as in a `Motion`.
+        """
         poses = self._humanoid.poses(rotations[None], root_position_m[None])
         try:
             packet = self._packets.packet(time_s, poses.positions_m[0], poses.rotations[0])
@@ -165,6 +169,6 @@ def record(receiver: Receiver, seconds: float, progress: Progress) -> Recording:
             recording.add(packet, time.perf_counter() - begun_s)
         progress(
             min(1.0 - left_s / seconds, 1.0),
-            f"listening on port {receiver.port}: {recording.gathering.packets} packets",
+            f"listening on port {receiver.port}: {counted(recording.gathering.packets, 'packet')}",
         )
     return recording

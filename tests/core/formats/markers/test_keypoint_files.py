@@ -41,7 +41,7 @@ def test_table_of_a_model_has_neither_rate_nor_unit(points_mm, tmp_path, prefix)
     (tmp_path / "mediapipe_body_3d_xyz.csv").write_text(wide(points_mm, prefix))
     take = read_take(tmp_path / "mediapipe_body_3d_xyz.csv")
     check(take, points_mm, 30.0)
-    assert take.notes == ("neither a rate nor times are stated: 30 frames a second are assumed",)
+    assert take.notes == ("neither a rate nor times are stated: 30 frames per second are assumed",)
     np.testing.assert_allclose(take.times_s, np.arange(FRAMES) / 30.0)
 
 
@@ -151,5 +151,5 @@ def test_wrong_arrays_and_tables_are_refused(points_mm, tmp_path):
     with pytest.raises(FormatError, match=r"a\.csv, line 2: has a field that is not a number"):
         read_take(table)
     table.write_text(wide(points_mm, "P_").replace("nose", "n").replace("left", "a").replace("right", "b"))
-    with pytest.raises(FormatError, match="gives neither fps nor times"):
+    with pytest.raises(FormatError, match="states neither fps nor times"):
         read_take(table)

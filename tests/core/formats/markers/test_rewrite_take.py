@@ -71,7 +71,7 @@ def test_a_position_that_integers_cannot_hold_is_refused(shared_dir: Path, tmp_p
     source = shared_dir / SAMPLES / "pc_int.c3d"
     take = read_take(source)
     take.positions_m[3, 4] = [50.0, 0.0, 0.0]
-    with pytest.raises(FormatError, match="does not fit its integers"):
+    with pytest.raises(FormatError, match="is too large for the file's integers"):
         rewrite_take(source, take, tmp_path / "a.c3d")
     assert not any(tmp_path.iterdir())
 

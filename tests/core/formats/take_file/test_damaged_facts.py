@@ -7,10 +7,11 @@ from pathlib import Path
 import pytest
 from perfanim.core.cli.main import main
 from perfanim.core.errors import MOST_TEXT, TakeError
-from perfanim.core.formats.take_file.append_notes import append_notes, recover
+from perfanim.core.formats.take_file.append_notes import append_notes
 from perfanim.core.formats.take_file.chunks import ChunkKind, encode_chunk, preamble, scan
 from perfanim.core.formats.take_file.footer import Footer, RecordingFacts, duration_s, find_footer
 from perfanim.core.formats.take_file.take_reader import Gap, read_take_file, summarise
+from perfanim.core.formats.take_file.take_recovery import recover
 from perfanim.core.formats.take_file.take_setup import TakeEvent, TakeNotes, TakeSetup
 from perfanim.core.formats.take_file.whole_take import take_facts, write_chunks, write_whole_take
 from perfanim.core.markers.marker_frame import MarkerFrame
@@ -68,7 +69,9 @@ def test_damaged_facts_are_a_fault_and_cost_no_frame(
     _with(path, kind, facts)
     take = read_take_file(path)
     (fault,) = take.faults
-    assert fault.what.startswith(f"chunk {len(take.chunks) - (kind != ChunkKind.END)} ({kind.name.lower()}) is not und")
+    assert fault.what.startswith(
+        f"chunk {len(take.chunks) - (kind != ChunkKind.END)} ({kind.name.lower()}) is unreadable: "
+    )
     assert len(str(fault)) <= MOST_TEXT and str(fault).isprintable()
     assert (take.complete, take.ended) == (False, kind != ChunkKind.END)
     assert take.problems[0].startswith(str(fault))

@@ -80,7 +80,7 @@ def test_damage_is_told_with_what_is_lost(tmp_path: Path, write: Write) -> None:
     take = read_take_file(path)
     assert not take.complete
     assert take.problems[0].startswith(f"chunk {hit.sequence} (frames) is damaged (byte {hit.offset}, ")
-    assert take.problems[1].startswith("3 of 12 frames are lost")
+    assert take.problems[1].startswith("the damaged part held 3 of 12 frames")
     assert [frame.number for frame in take.frames] == [0, 1, 2, 6, 7, 8, 9, 10, 11]
     # the calibration and the subject are there twice
     first = scan(path.read_bytes(), "")[0][0]

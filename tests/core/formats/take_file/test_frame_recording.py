@@ -45,7 +45,9 @@ def test_an_error_leaves_nothing_but_what_cannot_be_seen_again(tmp_path: Path, s
     with pytest.raises(CaptureError, match="check its cable"):
         record_frames(tmp_path / "walk.perftake", setup, broken())
     assert not list(tmp_path.iterdir())
-    with pytest.raises(CaptureError, match=r"camera left: gives no images; the frames before are in .*unfinished"):
+    with pytest.raises(
+        CaptureError, match=r"camera left: gives no images; the frames recorded before are in .*unfinished"
+    ):
         record_frames(tmp_path / "walk.perftake", setup, broken(), keep_cut=True)
     (path,) = tmp_path.iterdir()
     take = read_take_file(path)

@@ -9,9 +9,10 @@ from pathlib import Path
 import pytest
 from perfanim.core.errors import TakeError
 from perfanim.core.formats.take_file import take_writer as writer_module
-from perfanim.core.formats.take_file.append_notes import append_notes, recover
+from perfanim.core.formats.take_file.append_notes import append_notes
 from perfanim.core.formats.take_file.chunks import HEADER_BYTES, ChunkKind, scan
 from perfanim.core.formats.take_file.take_reader import read_take_file, summarise
+from perfanim.core.formats.take_file.take_recovery import recover
 from perfanim.core.formats.take_file.take_setup import TakeNotes, TakeSetup
 from perfanim.core.formats.take_file.take_writer import TakeWriter, WriterSettings
 from perfanim.core.system.lock import is_locked
