@@ -1,4 +1,4 @@
-"""Waiting times between attempts, doubled after each."""
+"""Waiting times between attempts, doubled after each attempt."""
 
 import math
 
@@ -7,7 +7,7 @@ class Backoff:
     """Waiting time until the next attempt.
 
     Args:
-        first_s: Wait from the reset, or from the first query, to the first attempt.
+        first_s: Wait before the first attempt, counted from the reset or from the first query after it.
         longest_s: Longest wait.
     """
 
@@ -16,7 +16,7 @@ class Backoff:
         self.reset()
 
     def reset(self, now_s: float | None = None) -> None:
-        """Restart with the first wait, from now or from the next query."""
+        """Restart with the first wait, which begins at `now_s`, or at the next query if that is None."""
         self._since_s, self._wait_s = now_s, self._first_s
 
     def is_due(self, now_s: float) -> bool:

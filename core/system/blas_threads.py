@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import scipy
 
-_CHOICES = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS")  # variables for the user's choice, which OpenBLAS has read
-_FOLDERS = ("{}.libs", "{}/.dylibs")  # folders of the libraries in wheels for Linux and Windows, and for macOS
-_PREFIXES, _SUFFIXES = ("scipy_openblas", "openblas"), ("64_", "")  # parts of the names of OpenBLAS functions there
+_CHOICES = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS")  # environment variables of OpenBLAS, read when it is loaded
+_FOLDERS = ("{}.libs", "{}/.dylibs")  # library folders of wheels: Linux and Windows; macOS
+_PREFIXES, _SUFFIXES = ("scipy_openblas", "openblas"), ("64_", "")  # around the function names of OpenBLAS in wheels
 
 
 @cache
@@ -20,7 +20,7 @@ def use_one_blas_thread() -> int:
     The solver's matrices are small, so threads cost more than they gain, especially next to other processes.
 
     Returns:
-        Number of changed libraries: 0 if the user has chosen, or if NumPy and SciPy use another library.
+        Number of libraries changed: 0 if the user has set a number, or if NumPy and SciPy do not use OpenBLAS.
     """
     if any(name in os.environ for name in _CHOICES):
         return 0

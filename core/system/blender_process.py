@@ -1,4 +1,4 @@
-"""Functions of the add-on run in a separate process, by Blender's Python module or a Blender executable."""
+"""Functions of the add-on, run in a separate process by Blender's Python module or a Blender executable."""
 
 import importlib.util
 import json
@@ -12,19 +12,20 @@ from ..errors import CharacterError
 from . import helper_process
 from .files import is_file
 
-BLENDER_VARIABLE = "PERFANIM_BLENDER"  # environment variable: executable to use if none is named
+BLENDER_VARIABLE = "PERFANIM_BLENDER"  # environment variable: executable to use if none is given
 
 
 def run_in_blender(entry: str, arguments: Sequence[str], blender: str | None = None) -> dict[str, Any]:
     """Run a function of the add-on and return its report.
 
     Args:
-        entry: Module and function, "perfanim.perfanim_addon.export.retarget_file:main".
-        arguments: Command line of the function.
-        blender: Blender executable; None for the environment's, or else Blender's Python module (bpy).
+        entry: Module and function, such as "perfanim.perfanim_addon.export.retarget_file:main".
+        arguments: Command-line arguments of the function.
+        blender: Blender executable; None for the one that the environment variable names, or else Blender's Python
+            module (bpy).
 
     Raises:
-        CharacterError: The function failed; the message is the function's.
+        CharacterError: The function failed; the message is the one that it printed.
     """
     done = subprocess.run(_command(blender, entry, arguments), capture_output=True, text=True, check=False)
     prefix = f"{entry.partition(':')[0].rpartition('.')[2]}: "
@@ -32,7 +33,7 @@ def run_in_blender(entry: str, arguments: Sequence[str], blender: str | None = N
         lines = [line for line in done.stderr.splitlines() if line.strip()] or ["it ended without a message"]
         said = next((line for line in lines if line.startswith(prefix)), lines[-1])
         raise CharacterError(said.removeprefix(prefix))
-    # Blender writes lines of its own, too
+    # Blender prints lines of its own as well
     report: dict[str, Any] = json.loads([line for line in done.stdout.splitlines() if line.startswith("{")][-1])
     return report
 
@@ -41,10 +42,10 @@ def check_blender(blender: str | None) -> None:
     """Raise CharacterError if the named Blender, or else bpy, is missing."""
     blender = _chosen(blender)
     if blender is None and importlib.util.find_spec("bpy") is None:
-        advice = "pip install bpy, of the same Python, or name a Blender program"
-        raise CharacterError("Blender's Python module is not here", advice=advice)
+        advice = "install bpy with pip for this Python, or name a Blender executable"
+        raise CharacterError("Blender's Python module (bpy) is not installed", advice=advice)
     if blender is not None and not is_file(blender):
-        raise CharacterError("is not a program", where=blender, advice="give the path of the Blender executable")
+        raise CharacterError("is not an executable", where=blender, advice="give the path of the Blender executable")
 
 
 def _chosen(blender: str | None) -> str | None:

@@ -25,7 +25,7 @@ class DownloadSettings:
 
     Args:
         stalled_s: Time without data after which the connection counts as lost.
-        attempts: Largest number of successive attempts without new data.
+        attempts: Number of successive attempts without new data after which the download fails.
         first_wait_s: Wait before the second attempt; each further wait is twice as long.
         longest_wait_s: Longest wait between two attempts.
         most_bytes: Size above which a file is rejected.
@@ -45,11 +45,11 @@ SETTINGS = DownloadSettings()
 
 @dataclass(frozen=True)
 class _Part:
-    """Facts about a partially downloaded file.
+    """State of a partial download.
 
     Args:
-        validator: ETag or date of the server's file; without one, changes of the file cannot be detected.
-        total: Bytes of the whole file, -1 if unknown.
+        validator: ETag or date of the server's file; "" if changes of the file cannot be detected.
+        total: Size of the whole file in bytes, -1 if unknown.
     """
 
     url: str
@@ -74,8 +74,8 @@ def download(url: str, target: Path, progress: Progress, settings: DownloadSetti
     the server still has the same file.
 
     Raises:
-        DownloadError: The file or connection does not exist, the connection keeps failing, or the file is too large.
-        FormatError: The folder cannot be written.
+        DownloadError: The address is invalid or not found, the connection keeps failing, or the file is too large.
+        FormatError: The folder cannot be written to.
     """
     check_address(url)
     part, facts = target.with_name(f".{target.name}.part"), target.with_name(f".{target.name}.part.json")
@@ -91,7 +91,7 @@ def download(url: str, target: Path, progress: Progress, settings: DownloadSetti
             break
         try:
             known = _fetch(known, part, facts, progress, settings)
-            if known.total in (-1, part.stat().st_size):  # no stated length: the end of the data counts
+            if known.total in (-1, part.stat().st_size):  # -1: the data ends with the connection
                 break
             reason = f"ended after {part.stat().st_size} of {known.total} bytes"
         except (OSError, http.client.HTTPException) as error:
@@ -99,7 +99,7 @@ def download(url: str, target: Path, progress: Progress, settings: DownloadSetti
         # without a validator each attempt starts from scratch, so new bytes are no progress
         failures = 0 if known.validator and part.stat().st_size > had else failures + 1
         if failures >= settings.attempts:
-            advice = "start it again: it resumes where it stopped"
+            advice = "start the download again: it resumes where it stopped"
             raise DownloadError(f"was interrupted ({reason})", where=shorten(url, 100), advice=advice)
         if failures:
             waiting = f"waiting for {urlsplit(url).hostname}: {reason}"
@@ -114,7 +114,7 @@ def download(url: str, target: Path, progress: Progress, settings: DownloadSetti
 
 
 def _fetch(known: _Part, part: Path, facts: Path, progress: Progress, settings: DownloadSettings) -> _Part:
-    """Download the missing bytes over one connection; return the facts about the server's file."""
+    """Download the missing bytes over one connection; return the state of the download."""
     had = part.stat().st_size if known.validator and part.stat().st_size < known.total else 0
     request = urllib.request.Request(known.url, headers={"User-Agent": "perfanim", "Accept-Encoding": "identity"})  # noqa: S310 - checked
     if had:
@@ -129,14 +129,14 @@ def _fetch(known: _Part, part: Path, facts: Path, progress: Progress, settings: 
         if total > settings.most_bytes:
             raise _too_large(known.url, settings)
         validator = answer.headers.get("ETag") or answer.headers.get("Last-Modified") or ""
-        there = _Part(known.url, "" if validator.startswith("W/") else validator, total)  # weak: may be other bytes
+        there = _Part(known.url, "" if validator.startswith("W/") else validator, total)  # weak ETag: bytes may differ
         if is_resumed and total != known.total:
             part.write_bytes(b"")
             raise ConnectionError("the file has changed in the meantime")
         with writing(part, "free some space, or choose another folder"):
             free = shutil.disk_usage(part.parent).free
             if total - start + settings.spare_bytes > free:
-                what = f"needs {total >> 20} MB, {free >> 20} MB are free"
+                what = f"has {free >> 20} MB of free space, but the download needs {total >> 20} MB"
                 raise DownloadError(what, where=str(part.parent), advice="free some space")
             facts.write_text(json.dumps(asdict(there)), encoding="utf-8")
         with part.open("r+b" if is_resumed else "wb") as file:
@@ -146,7 +146,7 @@ def _fetch(known: _Part, part: Path, facts: Path, progress: Progress, settings: 
 
 
 def _receive(answer: Any, file: Any, total: int, progress: Progress, settings: DownloadSettings) -> None:
-    """Write data to a file as it arrives, but no more than was announced."""
+    """Write data to a file as it arrives, but no more than the announced length."""
     part, limit = Path(file.name), total if total >= 0 else settings.most_bytes
     while piece := answer.read1(1 << 18):
         with writing(part, "free some space, or choose another folder"):
@@ -154,7 +154,7 @@ def _receive(answer: Any, file: Any, total: int, progress: Progress, settings: D
             file.flush()
         had = file.tell()
         of_all = f" of {total / 1e6:.0f}" if total > 0 else ""
-        progress(had / total if total > 0 else 0.0, f"getting {part.name[1:-5]}: {had / 1e6:.0f}{of_all} MB")
+        progress(had / total if total > 0 else 0.0, f"downloading {part.name[1:-5]}: {had / 1e6:.0f}{of_all} MB")
         if had >= limit:
             if total < 0:
                 raise _too_large(answer.url, settings)
@@ -162,13 +162,13 @@ def _receive(answer: Any, file: Any, total: int, progress: Progress, settings: D
 
 
 def _too_large(url: str, settings: DownloadSettings) -> DownloadError:
-    what = f"has more than {settings.most_bytes} bytes"
-    return DownloadError(what, where=shorten(url, 100), advice="get a smaller one")
+    what = f"is larger than {settings.most_bytes} bytes"
+    return DownloadError(what, where=shorten(url, 100), advice="choose a smaller file")
 
 
 @contextmanager
 def _answer(request: urllib.request.Request, url: str, stalled_s: float) -> Iterator[Any]:
-    """Yield the server's answer; DownloadError if another attempt cannot help."""
+    """Yield the server's response; raise DownloadError if another attempt cannot help."""
     opener = urllib.request.build_opener(_Redirects)
     try:
         with opener.open(request, timeout=stalled_s) as answer:
@@ -176,12 +176,12 @@ def _answer(request: urllib.request.Request, url: str, stalled_s: float) -> Iter
     except urllib.error.HTTPError as error:
         if error.code in (http.client.REQUEST_TIMEOUT, http.client.TOO_MANY_REQUESTS) or error.code >= 500:
             raise ConnectionError(f"{error.code} {error.reason}") from error
-        what = f"cannot be had ({error.code} {shorten(str(error.reason), 60)})"
+        what = f"cannot be downloaded ({error.code} {shorten(str(error.reason), 60)})"
         raise DownloadError(what, where=shorten(url, 100), advice="check the address") from error
 
 
 class _Redirects(urllib.request.HTTPRedirectHandler):
-    """Follows redirects only to network addresses, and never to one without encryption."""
+    """Follows redirects to http and https addresses only, and never from https to http."""
 
     def redirect_request(self, req: Any, fp: Any, code: int, msg: str, headers: Any, newurl: str) -> Any:
         check_address(newurl)
@@ -198,7 +198,7 @@ def _length(answer: Any) -> int | None:
 
 
 def _read_facts(path: Path, url: str) -> _Part:
-    """Return the facts about a part; empty if they are missing, damaged or for another address."""
+    """Return the stored state of a partial download; an empty one if it is missing, damaged or of another address."""
     with suppress(OSError, ValueError, TypeError):
         facts = _Part(**json.loads(path.read_text(encoding="utf-8")[:4096]))
         if (facts.url, type(facts.validator), type(facts.total)) == (url, str, int):
@@ -208,5 +208,5 @@ def _read_facts(path: Path, url: str) -> _Part:
 
 def _reason(error: Exception) -> str:
     if isinstance(error, TimeoutError):
-        return "nothing came"
+        return "no data arrived"
     return shorten(str(getattr(error, "reason", "")) or str(error) or type(error).__name__, 80)

@@ -1,4 +1,4 @@
-"""Content of foreign files: detection of what a file really is, and decoding of its text."""
+"""Content of foreign files: recognising the format from the first bytes, and decoding text."""
 
 import re
 
@@ -6,14 +6,14 @@ from ..errors import FormatError, PerfanimError, shorten
 
 _HEAD = 4096  # bytes needed to recognise a file
 _ASF_GUID = bytes.fromhex("3026b2758e66cf11a6d900aa0062ce6c")
-# first bytes of a format, as in its standard -> its name
+# first bytes of a format, from its standard -> its name
 _BEGINNINGS: tuple[tuple[bytes, str], ...] = (
     (_ASF_GUID, "a video (Windows Media)"),
     (b"\x1aE\xdf\xa3", "a video (Matroska or WebM)"),
     (b"\x00\x00\x01\xba", "a video (MPEG)"),
-    (b"OggS", "a video or sound (Ogg)"),
+    (b"OggS", "a video or audio file (Ogg)"),
     (b"FLV\x01", "a video (Flash)"),
-    (b"ID3", "a sound (MP3)"),
+    (b"ID3", "an audio file (MP3)"),
     (b"PK\x03\x04", "an archive (zip)"),
     (b"PK\x05\x06", "an archive (zip)"),
     (b"7z\xbc\xaf\x27\x1c", "an archive (7z)"),
@@ -28,7 +28,7 @@ _BEGINNINGS: tuple[tuple[bytes, str], ...] = (
     (b"II*\x00", "a picture (TIFF)"),
     (b"MM\x00*", "a picture (TIFF)"),
     (b"%PDF-", "a document (PDF)"),
-    (b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1", "a document of an old office program"),
+    (b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1", "an old Microsoft Office document"),
     (b"Kaydara FBX Binary", "an FBX file"),
     (b"glTF", "a binary glTF file"),
     (b"BLENDER", "a Blender file"),
@@ -36,11 +36,11 @@ _BEGINNINGS: tuple[tuple[bytes, str], ...] = (
     (b"\x89HDF\r\n", "an HDF5 or MATLAB file"),
     (b"MATLAB 5.0 MAT-file", "a MATLAB file"),
     (b"PERFANIM-DB", "a motion database"),
-    (b"version https://git-lfs", "a pointer of Git LFS without the file that it stands for"),
+    (b"version https://git-lfs", "a Git LFS pointer instead of the file itself"),
     (b"pathfiletype", "a TRC file"),
     (b"hierarchy", "a BVH file"),
 )
-_BOXES = {b"AVI ": "a video (AVI)", b"WAVE": "a sound (WAV)", b"WEBP": "a picture (WebP)"}
+_BOXES = {b"AVI ": "a video (AVI)", b"WAVE": "an audio file (WAV)", b"WEBP": "a picture (WebP)"}
 _WIDE_MARKS = ((b"\xff\xfe\x00\x00", "utf-32"), (b"\xff\xfe", "utf-16"), (b"\xfe\xff", "utf-16"))
 _ELEMENT = re.compile(rb"<([A-Za-z][\w:.-]*)")
 _COMMENTS = re.compile(rb"<!--.*?-->|<\?.*?\?>", re.DOTALL)
@@ -61,7 +61,7 @@ def content_kind(data: bytes) -> str:
 
 
 def _markup(text: bytes) -> str:
-    """Return the name for a text that begins with markup, "" for other text."""
+    """Return what a text that begins with markup is; "" for other text."""
     if not text.startswith(b"<"):
         return ""
     element = _ELEMENT.search(_COMMENTS.sub(b"", text))
@@ -77,27 +77,27 @@ def check_kind(
     expected: str,
     kind: type[PerfanimError] = FormatError,
     container: str = "",
-    advice: str = "it is the wrong file, or has the wrong ending",
+    advice: str = "choose the right file, or correct its extension",
 ) -> None:
     """Raise an error of class `kind` if a file's first bytes show that it is something else.
 
     Args:
         expected: What the reader expects, such as "TRC file".
-        container: Kind of archive that contains it, such as "archive (zip)".
+        container: Format that the expected file is stored in, such as "archive (zip)".
     """
     found = content_kind(data)
     if found and (container or expected) not in found:
-        raise kind(f"is {found}, no {expected}", where=where, advice=advice)
+        raise kind(f"is {found}, not the expected {expected}", where=where, advice=advice)
 
 
 def decode_text(data: bytes, where: str, expected: str, kind: type[PerfanimError] = FormatError) -> str:
-    """Return a text decoded from UTF-8, UTF-16 or UTF-32 (by byte order mark or zero bytes), otherwise Windows-1252.
+    """Decode a text from UTF-8, UTF-16 or UTF-32 (recognised by byte order mark or zero bytes), or else Windows-1252.
 
     Args:
         expected: What the reader expects, such as "TRC file".
 
     Raises:
-        PerfanimError: Of class `kind`: the file is of another kind.
+        PerfanimError: The file has another format; the class of the error is `kind`.
     """
     check_kind(data, where, expected, kind)
     encoding = _wide_encoding(data)
@@ -110,7 +110,7 @@ def decode_text(data: bytes, where: str, expected: str, kind: type[PerfanimError
 
 
 def _wide_encoding(data: bytes) -> str:
-    """Return the encoding of a text with two or four bytes per character, "" for others."""
+    """Return the encoding of a text with two or four bytes per character; "" for other encodings."""
     marked = next((encoding for mark, encoding in _WIDE_MARKS if data.startswith(mark)), "")
     even, odd = data[:64:2], data[1:64:2]
     if marked or any(even) == any(odd):
@@ -119,9 +119,9 @@ def _wide_encoding(data: bytes) -> str:
 
 
 def utf8_text(data: bytes, where: str, expected: str) -> bytes:
-    """Return a text file's bytes in an extension of ASCII, without byte order mark; errors are those of `decode_text`.
+    """Return a text file's bytes in an encoding that contains ASCII, without byte order mark; errors as `decode_text`.
 
-    Long files in such encodings are not decoded, to save time.
+    Only UTF-16 and UTF-32 are decoded, which saves time with long files.
     """
     check_kind(data, where, expected)
     encoding = _wide_encoding(data)
@@ -129,7 +129,7 @@ def utf8_text(data: bytes, where: str, expected: str) -> bytes:
 
 
 def with_decimal_points(text: bytes) -> bytes:
-    """Return a text of numbers with decimal commas replaced by points; unchanged if it has decimal points, too."""
+    """Return a text of numbers with decimal commas replaced by points; unchanged if it also has decimal points."""
     if b"," not in text or re.search(rb"\d\.\d", text):
         return text
     return re.sub(rb"(?<=\d),(?=\d)", b".", text)

@@ -1,4 +1,4 @@
-"""Files: written as a whole or not at all, and read with care; TOML."""
+"""File access: atomic writes, reads that check the file first, and TOML."""
 
 import errno
 import os
@@ -21,21 +21,21 @@ from .lock import is_locked
 from .outputs import LOCK_ENDING, is_claimed, writer_lock
 from .schema import Table, plain
 
-SLACK_BYTES = 64 << 20  # memory that any input may take
-_MOST_TABLES = 30_000  # most tables in a TOML file
-_DEEPEST_TOML = 32  # deepest nesting of tables and lists, and most parts of a key
-# Strings and comments of TOML. Possessive, and ended by the end of the file: one pass, without a stack.
+SLACK_BYTES = 64 << 20  # memory that the content of even the smallest file may take
+_MOST_TABLES = 30_000  # largest number of tables in a TOML file
+_DEEPEST_TOML = 32  # largest nesting depth, and largest number of parts of a dotted key
+# TOML strings and comments, even unterminated ones. Possessive quantifiers: one pass without backtracking.
 _QUOTED = re.compile(
     r"""#[^\n]*+|\"{3}(?:[^"\\]|\\.?|"(?!""))*+"{0,5}|'{3}(?:[^']|'(?!''))*+'{0,5}"""
     r"""|"(?:[^"\\\n]|\\[^\n]?)*+"?|'[^'\n]*+'?""",
     re.DOTALL,
 )
-_DEEP_KEY = re.compile(rf"(?:\.[\w \t-]*+){{{_DEEPEST_TOML}}}")  # the parser's time and memory grow with its square
+_DEEP_KEY = re.compile(rf"(?:\.[\w \t-]*+){{{_DEEPEST_TOML}}}")  # the parser's time and memory grow with the square
 _LONG_WORD = re.compile(r"[\w+-]{1001}")  # the parser uses a hundred bytes per digit
 _NUMBERS = re.compile(r"\[\s+((?:[\w.+-]+,\s+)+)\]")  # list of numbers, one per line
-_LEFT_BEHIND_S = 3600.0  # age of a temporary file without a living process
+_LEFT_BEHIND_S = 3600.0  # age above which a temporary file counts as abandoned
 _RANDOM_LETTERS = 8  # letters that `tempfile` adds to names
-# `.NAME.RANDOM.ENDING`; folders have no ending. Words of eight letters do not count as random
+# `.NAME.RANDOM.EXTENSION`; folders have no extension. Words of eight letters do not count as random
 _TEMPORARY = re.compile(r"\..*\.(?=[a-z]*[0-9_])[a-z0-9_]{8}(\.\w+)?", re.DOTALL)
 _DISK_ERRORS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EROFS)
 
@@ -47,7 +47,7 @@ def atomic_path(target: Path | str) -> Iterator[Path]:
     A link stays a link: the file it points to is replaced. Temporary files of killed processes are removed.
 
     Raises:
-        FormatError: The target cannot be written, or another program is writing it.
+        FormatError: The target cannot be written, or another program is writing to it.
     """
     target = Path(os.path.realpath(target)) if os.path.islink(target) else Path(target)  # noqa: PTH114 - as is_file
     with writing(target):
@@ -61,7 +61,7 @@ def _replacing(target: Path) -> Iterator[Path]:
     """Yield a temporary path next to `target`; on success flush it to the disk and rename it."""
     with writing(target):
         start, end = f".{target.stem}.", target.suffix
-        if not end and target.name.startswith("."):  # ".glb": writers go by the temporary file's ending, or add theirs
+        if not end and target.name.startswith("."):  # ".glb": writers need the extension, or append theirs
             start, end = ".", target.name
         remove_left_behind(target.parent, start, end)
         handle, name = tempfile.mkstemp(prefix=start, suffix=end, dir=target.parent)
@@ -86,7 +86,7 @@ def _replacing(target: Path) -> Iterator[Path]:
 
 
 def remove_left_behind(folder: Path, start: str, end: str = "", age_s: float = _LEFT_BEHIND_S) -> None:
-    """Remove temporary files and folders that have not been written for a long time."""
+    """Remove temporary files and folders that were last written more than `age_s` ago."""
     oldest_s = time.time() - age_s
     with os.scandir(folder) as entries:
         for entry in entries:
@@ -101,7 +101,7 @@ def clean_folder(folder: Path | str) -> None:
     Files in use are kept, and so are new ones. In other folders, a file with such a name may be the user's.
     """
     oldest_s = time.time() - _LEFT_BEHIND_S
-    with suppress(OSError), os.scandir(folder) as entries:  # does not exist or cannot be read
+    with suppress(OSError), os.scandir(folder) as entries:  # the folder does not exist or cannot be read
         for entry in entries:
             is_lock = entry.name.startswith(".") and entry.name.endswith(LOCK_ENDING) and len(entry.name) > 6
             if _TEMPORARY.fullmatch(entry.name) or (is_lock and not is_locked(entry.path)):
@@ -109,9 +109,9 @@ def clean_folder(folder: Path | str) -> None:
 
 
 def _remove_old(entry: os.DirEntry[str], oldest_s: float) -> None:
-    """Remove a file or folder that has not been written since a time; ignore links."""
+    """Remove a file or folder that was last written before `oldest_s`, a Unix time; ignore links."""
     path = Path(entry.path)
-    with suppress(OSError):  # another process may have been first
+    with suppress(OSError):  # another process may have removed it first
         if entry.is_symlink():
             return
         if path.is_dir():
@@ -125,7 +125,7 @@ def _remove_old(entry: os.DirEntry[str], oldest_s: float) -> None:
 def writing(
     target: Path | str, advice: str = "choose a folder you may write to", kind: type[PerfanimError] = FormatError
 ) -> Iterator[None]:
-    """Raise `kind` if the system cannot write."""
+    """Turn the block's OSError into an error of class `kind` that says that `target` cannot be written."""
     try:
         yield
     except OSError as error:
@@ -134,7 +134,7 @@ def writing(
 
 def is_file(path: Path | str) -> bool:
     """Return whether a regular file exists; False for invalid names."""
-    return os.path.isfile(path)  # noqa: PTH113 - pathlib's raises for long names and folders that may not be read
+    return os.path.isfile(path)  # noqa: PTH113 - pathlib's method raises for long names and unreadable folders
 
 
 def is_folder(path: Path | str) -> bool:
@@ -180,7 +180,8 @@ def read_bytes(path: Path | str, most: int = 8 << 30, kind: type[PerfanimError] 
         try:
             size = os.fstat(file.fileno()).st_size
             if size > most:
-                raise kind(f"has {size} bytes, {most} at most", where=str(path), advice="cut it into parts")
+                what = f"has {size} bytes, but at most {most} are allowed"
+                raise kind(what, where=str(path), advice="split it into smaller files")
             return file.read()
         except OSError as error:
             raise _unreadable(path, error, kind) from error
@@ -190,7 +191,7 @@ def read_bytes(path: Path | str, most: int = 8 << 30, kind: type[PerfanimError] 
 def reading(
     where: Path | str, kind: type[PerfanimError] = FormatError, advice: str = "check the file", what: str = "is damaged"
 ) -> Iterator[None]:
-    """Raise `kind` for any error that damaged content causes in a parser."""
+    """Turn any error that damaged content causes in a parser into one of class `kind`."""
     try:
         yield
     except Exception as error:
@@ -218,25 +219,25 @@ def read_toml(path: Path | str) -> dict[str, Any]:
 
 
 def _check_toml_text(text: str) -> None:
-    """Raise ValueError for a short text that would cost the parser much time or memory."""
+    """Raise ValueError for a text that would cost the parser far more time or memory than its length suggests."""
     bare = _QUOTED.sub("", text)
     if _DEEP_KEY.search(bare):
-        raise ValueError(f"nested more than {_DEEPEST_TOML} deep")
+        raise ValueError(f"nested more than {_DEEPEST_TOML} levels deep")
     if _LONG_WORD.search(bare):
-        raise ValueError("a number or key without quotes has more than 1000 letters")
-    # Python's parser uses a kilobyte for a table, a fraction or eight keys
+        raise ValueError("a number or unquoted key has more than 1000 characters")
+    # Python's parser uses a kilobyte for each table, decimal fraction or eight keys
     if sum(map(bare.count, ".[{")) + bare.count("=") // 8 > _MOST_TABLES:
-        raise ValueError(f"more than {_MOST_TABLES} tables and fractions")
+        raise ValueError(f"more than {_MOST_TABLES} tables and decimal fractions")
 
 
 def _check_toml_value(key: str, value: Any, levels: int) -> None:
-    """Raise ValueError for values that no file needs."""
+    """Raise ValueError for values that no valid file contains."""
     if levels == 0:
-        raise ValueError(f"nested more than {_DEEPEST_TOML} deep")
-    if isinstance(value, int | float) and not abs(value) < 1e18:  # so that its square is finite
-        raise ValueError(f"a number of {shorten(key, 40)} is not finite, or too large")
+        raise ValueError(f"nested more than {_DEEPEST_TOML} levels deep")
+    if isinstance(value, int | float) and not abs(value) < 1e18:  # keeps its square finite
+        raise ValueError(f"a number in {shorten(key, 40)} is not finite, or too large")
     if isinstance(value, str) and "\0" in value:  # impossible in paths
-        raise ValueError(f"a string of {shorten(key, 40)} contains NUL")
+        raise ValueError(f"a string in {shorten(key, 40)} contains NUL")
     if isinstance(value, dict):
         for name, item in value.items():
             _check_toml_value(name, item, levels - 1)

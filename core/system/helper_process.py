@@ -1,9 +1,9 @@
-"""Start of a helper process, which imports the package and runs one function.
+"""Starts a helper process that imports the package and runs one function.
 
 A new process cannot import the package by name, because the extension's folder may have any name (in Blender it is
-bl_ext.<repository>.perfanim). So this file is run by path, imports only the standard library, and creates the package
-from its folder. The order is one line of JSON on standard input, because other users can read a command line; only
-Blender, which runs this file by `--python`, gets it after "--".
+bl_ext.<repository>.perfanim). Therefore this file is run by its path, imports only the standard library, and creates
+the package from its folder. The order, which says what to run, is one line of JSON on standard input, because other
+users can read a command line; only Blender, which runs this file with `--python`, gets it after "--".
 """
 
 import importlib
@@ -19,7 +19,7 @@ SCRIPT = str(Path(__file__).resolve())
 
 
 def command(python: str) -> list[str]:
-    """Return the command line of a helper process; the order is written to its input."""
+    """Return the command line of a helper process; the order is written to its standard input."""
     return [python, "-I", SCRIPT]
 
 
@@ -55,7 +55,7 @@ def main() -> Any:
     root = content["root"]
     spec = importlib.util.spec_from_file_location("perfanim", f"{root}/__init__.py", submodule_search_locations=[root])
     if spec is None or spec.loader is None:
-        return f"no package in {root}"
+        return f"cannot import the package in {root}"
     package = importlib.util.module_from_spec(spec)
     sys.modules["perfanim"] = package
     spec.loader.exec_module(package)

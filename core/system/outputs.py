@@ -29,7 +29,7 @@ def writer_lock(target: Path) -> Iterator[None]:
     Without write access there is no lock; writing the file then reports the reason.
 
     Raises:
-        FormatError: Another program is writing it.
+        FormatError: Another program is writing to it.
     """
     path = target.parent / f".{target.name}{LOCK_ENDING}"
     try:

@@ -3,12 +3,12 @@
 import os
 import sys
 
-_NICE = 10  # out of 19; an otherwise idle processor is still used fully
+_NICE = 10  # out of 19; an otherwise idle CPU is still used fully
 _BELOW_NORMAL = 0x4000  # BELOW_NORMAL_PRIORITY_CLASS
 
 
 def step_back() -> None:
-    """Let other processes run first until this one ends."""
+    """Lower the priority of this process until it ends."""
     if sys.platform == "win32":
         import ctypes
 

@@ -1,10 +1,10 @@
-"""Schemas: dataclasses that describe the possible values in files, requests and settings.
+"""Schemas: dataclasses that describe the valid values in files, requests and settings.
 
 A field is annotated with its meaning, unit and range:
 
     height_m: Annotated[float, About("body height", "m", least=0.5, most=2.5)] = 1.75
 
-A `Schema` reads tables (TOML, JSON) as such a dataclass, reports what does not fit, and makes rows for the manual.
+A `Schema` reads tables (TOML, JSON) as such a dataclass, reports invalid values, and makes rows for the manual.
 """
 
 import math
@@ -21,7 +21,7 @@ Table: TypeAlias = Mapping[str, Any]
 Shape: TypeAlias = tuple[int | None, ...]
 _T = TypeVar("_T")
 _VERSION = 1  # version of all files that state a kind
-_LARGEST = 1e300  # limit, because Python's whole numbers are unbounded
+_LARGEST = 1e300  # largest number accepted: Python's integers have no limit
 _COUNTS = {2: "two", 3: "three", 4: "four"}
 
 
@@ -36,11 +36,11 @@ class About:
         most: Largest number.
         above: Number that must be exceeded.
         fewest: Fewest entries of a list.
-        choices: Possible strings; empty for any.
+        choices: Valid strings; empty for any.
         shape: Shape of an array; None for any length.
         or_shape: Another possible shape.
         key: Key in the table, if it differs from the field's name.
-        optional: Whether the key may be left out; by default, if the field has a default value.
+        optional: Whether the key may be left out; by default it may if the field has a default value.
     """
 
     text: str
@@ -62,8 +62,8 @@ class Via:
 
     Args:
         form: Type of the form.
-        read: Returns the value of a form; the second argument is the place for error messages.
-        write: Returns the form of a value.
+        read: Turns the form into the value; the second argument is the place for error messages.
+        write: Turns the value into the form.
     """
 
     form: Any
@@ -72,11 +72,11 @@ class Via:
 
 
 class _WrongError(Exception):
-    """A value does not match its key."""
+    """A value is not valid for its key."""
 
 
 class _MisfitError(Exception):
-    """A table does not fit; the arguments are place and fact."""
+    """A table is not valid; the arguments are place and fact."""
 
 
 class Key:
@@ -100,7 +100,7 @@ class Key:
         self.is_table = self.holds[0] is Mapping or is_dataclass(self.holds[0])
 
     def _add(self, hint: Any) -> None:
-        """Adopt the parts of an annotation."""
+        """Adopt the parts of a type annotation."""
         origin, parts = get_origin(hint), get_args(hint)
         if origin is Annotated:
             self.about = next((note for note in parts if isinstance(note, About)), self.about)
@@ -134,7 +134,7 @@ class Key:
 
     @property
     def text(self) -> str:
-        """Possible values in plain words: "three numbers from -1 to 1 m"."""
+        """Valid values in plain words, such as "three numbers from -1 to 1 m"."""
         shapes = [self._shape, *([self.about.or_shape] if self.about.or_shape else [])]
         amounts = " or ".join(map(self._amount, shapes)) + self._range
         return f"a table [{self.name}] of names, each with {amounts}" if self._is_named else amounts
@@ -152,14 +152,12 @@ class Key:
     @property
     def _nouns(self) -> tuple[str, str]:
         if self.choices:
-            return f"one of {', '.join(self.choices)}", f"texts out of {', '.join(self.choices)}"
+            return f"one of {', '.join(self.choices)}", f"strings out of {', '.join(self.choices)}"
         if self.is_table:
             return ("a table", "tables") if self._is_named else (f"a table [{self.name}]", f"tables [[{self.name}]]")
         nouns = {
-            str: ("a text that is not empty", "texts that are not empty")
-            if self.about.least > 0
-            else ("a text", "texts"),
-            bool: ("true or false", "of true or false"),
+            str: ("a non-empty string", "non-empty strings") if self.about.least > 0 else ("a string", "strings"),
+            bool: ("true or false", "booleans"),
             int: ("a whole number", "whole numbers"),
             float: ("a number", "numbers"),
         }
@@ -178,10 +176,10 @@ class Key:
         if math.isinf(about.least):
             return f" up to {most}" if math.isfinite(about.most) else unit
         least = f"{about.least:,.12g}"
-        return f" from {least}{unit} on" if math.isinf(about.most) else f" from {least} to {most}"
+        return f" of at least {least}{unit}" if math.isinf(about.most) else f" from {least} to {most}"
 
     def read(self, value: Any, where: str) -> Any:
-        """Return the field's value; _WrongError for a value of another kind."""
+        """Return the field's value; raise _WrongError for an invalid one."""
         if self._is_named:
             if not isinstance(value, Mapping):
                 raise _WrongError
@@ -221,7 +219,7 @@ class Key:
         return made if self._item_via is None else self._item_via.read(made, where)
 
     def _kind(self, table: Table, where: str) -> Any:
-        """Return the dataclass of a table, by the key "kind" where several are possible."""
+        """Return the dataclass of a table, chosen by the key "kind" if there are several."""
         kinds = {getattr(each, "kind", ""): each for each in self.holds}
         kind = table.get("kind") if len(kinds) > 1 else next(iter(kinds))
         if not isinstance(kind, str) or kind not in kinds:
@@ -260,10 +258,10 @@ class Schema(Generic[_T]):
         cls: Dataclass that the tables become.
         title: Kind of file.
         about: Origin of the file and further rules, for the manual.
-        error: Class of the error raised for tables that do not fit.
+        error: Class of the error raised for invalid tables.
         advice: Advice in these errors.
-        closed: Whether unknown keys are rejected, used where a typing error would go unnoticed.
-        kind: Value of the key "kind", which such a file has in addition to its "version".
+        closed: Whether unknown keys are rejected, for tables in which a misspelt key would go unnoticed.
+        kind: Value of the key "kind" in such a file, which then also has a "version".
     """
 
     cls: type[_T]
@@ -278,7 +276,7 @@ class Schema(Generic[_T]):
         """Return what a table describes; unknown keys are ignored unless the schema is closed.
 
         Raises:
-            PerfanimError: A value does not fit; the class is the schema's `error`.
+            PerfanimError: A value is not valid; the class is the schema's `error`.
         """
         if self.kind and (table.get("kind") != self.kind or table.get("version") != _VERSION):
             kind = self.kind.removeprefix("perfanim ")
@@ -286,8 +284,8 @@ class Schema(Generic[_T]):
         names = sorted(key.name for key in keys_of(self.cls))
         unknown = sorted(set(table) - set(names)) if self.closed else ()
         if unknown:
-            advice = f"keys: {', '.join(names)}"
-            raise self.error(f"there is no key {shorten(unknown[0], 40)!r}", where=where, advice=advice)
+            advice = f"known keys: {', '.join(names)}"
+            raise self.error(f"has an unknown key {shorten(unknown[0], 40)!r}", where=where, advice=advice)
         try:
             return _read(self.cls, table, where)
         except _MisfitError as error:
@@ -295,7 +293,10 @@ class Schema(Generic[_T]):
             raise self.error(fact, where=place, advice=self.advice) from None
 
     def read_each(self, tables: Table, where: str) -> dict[str, _T]:
-        """Return what each of several tables describes, by default with their names; errors are those of `read`."""
+        """Return what each of several named tables describes; the name is also the default of the key "name".
+
+        Errors are those of `read`.
+        """
         for name, table in tables.items():
             if not isinstance(table, Mapping):
                 raise self.error(f"{shorten(name, 40)} must be a table", where=where, advice=self.advice)
@@ -309,7 +310,7 @@ class Schema(Generic[_T]):
     def manual_lines(self) -> list[str]:
         """Return the section for the manual, in Markdown."""
         lines = [f"## {self.title}", "", self.about, "", "| key | holds | value |", "|---|---|---|"]
-        kind = [f'| `kind` | "{self.kind}" | a text |', f"| `version` | {_VERSION} | a whole number |"]
+        kind = [f'| `kind` | "{self.kind}" | a string |', f"| `version` | {_VERSION} | a whole number |"]
         return [*lines, *(kind if self.kind else []), *_rows(self.cls, ""), ""]
 
 
@@ -343,7 +344,7 @@ _known_keys: dict[Any, Sequence[Key]] = {}
 
 
 def _read(cls: type[_T], table: Table, where: str) -> _T:
-    """Return what a table describes; a dataclass with `is_closed` rejects unknown keys."""
+    """Return what a table describes; unknown keys are rejected if the dataclass has `is_closed`."""
     unknown = sorted(set(table) - {key.name for key in keys_of(cls)}) if getattr(cls, "is_closed", False) else ()
     if unknown:
         raise _MisfitError(where, f"unknown setting {shorten(unknown[0], 40)}")

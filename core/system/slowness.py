@@ -9,8 +9,8 @@ class SlownessSettings:
     """Settings for measuring a process's slowness."""
 
     busy: float = 2.5  # slowness above which the user is told
-    memory_s: float = 0.5  # amount of work over which earlier measurements are forgotten
-    least_s: float = 0.05  # amount of work before the measurement counts
+    memory_s: float = 0.5  # duration of work over which earlier measurements are forgotten
+    least_s: float = 0.05  # duration of work before the measurement counts
     most: float = 50.0  # largest slowness
 
 
@@ -18,12 +18,12 @@ SLOWNESS = SlownessSettings()
 
 
 class Slowness:
-    """Duration of work relative to an idle machine: wall time divided by processor time.
+    """Duration of work relative to an idle machine: wall time divided by CPU time.
 
-    With four other processes on each processor it is about 5, on every system and in containers.
+    With four other processes on each core it is about 5, on every system and in containers.
 
     Attributes:
-        beside: Slowness of another process that counts as well.
+        beside: Slowness of another process; `factor` is the larger of the two.
     """
 
     def __init__(self) -> None:
@@ -31,7 +31,7 @@ class Slowness:
         self._work_s = self._processor_s = 0.0
 
     def add(self, work_s: float, processor_s: float) -> None:
-        """Add work without waiting times: its duration and its thread's processor time."""
+        """Add work without waiting times: its duration and the CPU time of its thread."""
         kept = math.exp(-work_s / SLOWNESS.memory_s)
         self._work_s = kept * self._work_s + work_s
         self._processor_s = kept * self._processor_s + processor_s

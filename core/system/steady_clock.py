@@ -1,4 +1,4 @@
-"""Time stamps of a camera's images, free of random delays."""
+"""Time stamps of a camera's images without their random delays."""
 
 from collections import deque
 from dataclasses import dataclass
@@ -12,14 +12,14 @@ class SteadyClockSettings:
 
     stamps: int = 60  # number of latest stamps that are fitted
     fewest: int = 8  # number of stamps before the fit is used
-    astray: float = 0.3  # distance from the fit, in periods, which shows that the camera's rate has changed
+    astray: float = 0.3  # deviation from the fit, in periods, that means that the camera's rate has changed
 
 
 _SETTINGS = SteadyClockSettings()
 
 
 class SteadyClock:
-    """Fits a line through the latest time stamps of a camera.
+    """Fits a line to the latest time stamps of a camera.
 
     Cameras take images at a steady rate, but stamps are late by random delays.
     """
@@ -29,7 +29,7 @@ class SteadyClock:
         self._counts: deque[int] = deque(maxlen=_SETTINGS.stamps)
 
     def steady(self, stamp_s: float) -> float:
-        """Return the time of the next image; its own stamp until the rate is known."""
+        """Return the smoothed time of the next image, given its stamp; the stamp itself until the rate is known."""
         period_s = float(np.median(np.diff(self._stamps_s))) if len(self._stamps_s) > 1 else 0.0
         passed = round((stamp_s - self._stamps_s[-1]) / period_s) if period_s > 0.0 else 1
         self._counts.append(self._counts[-1] + max(passed, 1) if self._counts else 0)

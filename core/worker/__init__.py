@@ -1,1 +1,1 @@
-"""Worker: the processes next to Blender that run cameras, solver and jobs."""
+"""Worker: the processes beside Blender that run the cameras, the solver and jobs."""

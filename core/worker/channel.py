@@ -1,6 +1,6 @@
 """The worker's end of the connection to Blender.
 
-One thread sends from an unlimited queue, so that a slow Blender never makes a camera lose frames; another one receives.
+One thread sends from an unlimited queue, so that cameras never lose frames because Blender is slow; another receives.
 """
 
 import faulthandler
@@ -30,7 +30,7 @@ class Stopped(Exception):  # noqa: N818 - not an error
 
 
 def open_when_free(open_source: Callable[[], _Source], takes_place: bool, stop: threading.Event) -> _Source:
-    """Open cameras or a port; retry while a replaced process may still hold them."""
+    """Open cameras or a port; if this process `takes_place` of another, retry while that one may still hold them."""
     limit_s = time.monotonic() + (WORKER.freed_s if takes_place else 0.0)
     while True:
         try:
@@ -43,7 +43,7 @@ def open_when_free(open_source: Callable[[], _Source], takes_place: bool, stop: 
 class Channel:
     """Connection to Blender.
 
-    Sending never waits. A STOP message sets `stop_requested`; so does the end of Blender.
+    Sending never blocks. `stop_requested` is set by a STOP message, or when Blender ends.
 
     Attributes:
         disconnected: Set once Blender has closed the connection or died.
@@ -69,7 +69,7 @@ class Channel:
         self.final: dict[str, Any] = {}
         self.progress_s: float | None = None
         self._filter_settings: dict[str, Any] | None = None
-        self._times = WORKER  # read here because tests end before the threads do
+        self._times = WORKER  # read here: the threads outlive tests, which change WORKER
         self._socket.sendall(encode_json(MessageKind.HELLO, {"token": token, "process": os.getpid()}))
         self._sender = threading.Thread(target=self._send_loop, name="send")
         self._sender.start()
@@ -94,7 +94,8 @@ class Channel:
     def wait_for_ack(self, in_flight: int, limit_s: float | None = None) -> None:
         """Wait until at most `in_flight` frames are not acknowledged, a stop is requested, or `limit_s` has passed.
 
-        It sleeps until a message arrives: polling every millisecond would take a tenth of the time that Blender needs.
+        This sleeps until a message arrives: polling every millisecond would take a tenth of the CPU time that Blender
+        needs.
         """
         with self._state_changed:
             self._state_changed.wait_for(
@@ -128,7 +129,7 @@ class Channel:
         self._queue.put(encode_json(MessageKind.STATUS, table_of(status)))
 
     def send_warning(self, text: str, standing: bool = False) -> None:
-        """Send a warning; a `standing` warning is replaced by the next standing one and withdrawn by ""."""
+        """Send a warning; a `standing` one stays until the next standing warning, and "" withdraws it."""
         self._queue.put(encode_json(MessageKind.WARNING, {"text": text, "standing": standing}))
 
     def send_result(self, summary: Mapping[str, Any]) -> None:

@@ -1,4 +1,4 @@
-"""The process of one worker; its output is kept for error messages."""
+"""Process of one worker; its output is kept for error messages."""
 
 import contextlib
 import importlib.util
@@ -55,7 +55,7 @@ class ChildProcess:
             self._send_order(port, token, job)
         except OSError as error:  # the process ended before it read its order
             self.end(WORKER.dying_s)
-            reason = f"ended at once with status {self.status}{self.last_line()}"
+            reason = f"ended immediately with status {self.status}{self.last_line()}"
             self.release()
             raise _not_started(program, reason) from error
 

@@ -1,4 +1,4 @@
-"""Blender's side of a worker: starts, polls, ends or replaces its process.
+"""Blender's side of a worker: starts, polls, ends and replaces its process.
 
 This side has no threads. The worker queues messages while Blender is slow, so none is lost and neither side blocks.
 """
@@ -21,7 +21,7 @@ from .worker_settings import WORKER
 
 
 class RestartPolicy:
-    """Allows a few restarts a minute, and more for a process that works."""
+    """Allows a few restarts in total, or a few per minute for a process that works."""
 
     def __init__(self) -> None:
         self._restarts_s: deque[float] = deque(maxlen=WORKER.restarts)
@@ -31,7 +31,7 @@ class RestartPolicy:
         self._restarts_s.append(time.monotonic())
 
     def allows_restart(self, works: bool) -> bool:
-        """Return whether another restart is allowed."""
+        """Return whether another restart is allowed; `works` says that the process has sent new frames."""
         is_full = len(self._restarts_s) == WORKER.restarts
         return not is_full or (works and time.monotonic() - self._restarts_s[0] >= WORKER.restarts_within_s)
 
@@ -80,7 +80,7 @@ class WorkerClient:
         return self._process.status is None
 
     def ask(self, after: RestartPoint | None) -> None:
-        """Wait until the process takes its request; after that it works on its own.
+        """Wait until the process has received its request; from then on it works on its own.
 
         Args:
             after: Last frame of the previous process.
@@ -105,9 +105,9 @@ class WorkerClient:
         messages = self._connection.receive()
         self._connection.send()
         if not messages and not self.running:
-            messages = self._connection.receive()  # sent before its death
+            messages = self._connection.receive()  # messages sent before it died
             if not messages:
-                reason = f"ended by itself (status {self._process.status}){self._process.last_line()}"
+                reason = f"ended unexpectedly (status {self._process.status}){self._process.last_line()}"
                 raise CaptureError(reason, where="worker", advice="start again")
         self._liveness.update(messages)
         self.ended = any(message.kind is MessageKind.END for message in messages)
@@ -152,7 +152,7 @@ class WorkerClient:
             self._request["after"] = table_of(point)
 
     def acknowledge(self, frames: int) -> None:
-        """Tell the worker how many frames have been processed, including those of earlier processes."""
+        """Tell the worker how many frames have been processed, including those from earlier processes."""
         self._connection.send(encode_json(MessageKind.ACK, {"frames": max(frames - self.earlier_frames, 0)}))
 
     def set_filter(self, settings: FilterSettings) -> None:

@@ -1,8 +1,8 @@
 """Blender's end of the loopback connection to one worker process.
 
-It is a plain socket, because that can be read without waiting on Linux, macOS and Windows. `multiprocessing.connection`
-cannot: `accept` blocks in its handshake with any program that connects, and `recv_bytes` blocks once part of a message
-has arrived, so a worker that hangs in the middle of a picture would freeze Blender's window.
+It is a plain socket, because sockets can be read without blocking on Linux, macOS and Windows.
+`multiprocessing.connection` cannot: `accept` blocks in its handshake with any program that connects, and `recv_bytes`
+blocks once part of a message has arrived, so a worker that hangs while sending a picture would freeze Blender's window.
 """
 
 import hmac
@@ -21,7 +21,7 @@ _CHUNK = 1 << 16  # bytes received in one call
 
 
 class WorkerConnection:
-    """Socket for the program with the right token; only `wait` waits.
+    """Listening socket that serves the one program that sends the right token; only `wait` blocks.
 
     Args:
         request: Request of the job, sent once the worker is connected; it may change until then.
@@ -40,7 +40,7 @@ class WorkerConnection:
 
     @property
     def port(self) -> int:
-        """Port on which the worker connects."""
+        """Port that the worker connects to."""
         return int(self._listener.getsockname()[1])
 
     def receive(self) -> list[Message]:
@@ -71,7 +71,7 @@ class WorkerConnection:
         return messages
 
     def _accept(self) -> None:
-        """Accept the next program, unless the current one may still send its token."""
+        """Accept the next program, unless the connected one still has time to send its token."""
         now_s = time.monotonic()
         if self._socket is not None and now_s - self._accepted_s < WORKER.greeting_s:
             return
@@ -86,7 +86,7 @@ class WorkerConnection:
         self._socket, self._accepted_s = connection, now_s
 
     def _authenticate(self, messages: Sequence[Message]) -> list[Message]:
-        """Return the messages after the greeting; disconnect a program without the token."""
+        """Return the messages after HELLO; disconnect a program that sends the wrong token."""
         hello = messages[0]
         try:
             token = str(hello.json().get("token", "")) if hello.kind is MessageKind.HELLO else ""
@@ -102,14 +102,14 @@ class WorkerConnection:
         return list(messages[1:])
 
     def send(self, data: bytes = b"") -> None:
-        """Send queued bytes and these, as many as the system accepts now."""
+        """Queue bytes, and send as much of the queue as the system accepts now."""
         self._outgoing += data
         if not self._outgoing or self._socket is None or not self.is_authenticated:
             return
         try:
             sent = self._socket.send(self._outgoing)
         except (BlockingIOError, ConnectionError):
-            return  # a lost connection is noticed when reading
+            return  # `receive` notices the lost connection
         del self._outgoing[:sent]
 
     def wait(self, limit_s: float) -> None:

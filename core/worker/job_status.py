@@ -27,10 +27,10 @@ class PoseCue:
 
 @dataclass(frozen=True)
 class JobStatus:
-    """Activity of a job, or only a sign of life."""
+    """Activity and progress of a job; a heartbeat has no activity."""
 
     activity: Annotated[str | None, About("activity in plain words")] = None
-    fraction: Annotated[float | None, About("share that is done", "", -_MOST, _MOST)] = None
+    fraction: Annotated[float | None, About("fraction done", "", -_MOST, _MOST)] = None
     heading: Annotated[str | None, About("progress in a word or two")] = None
     views: Annotated[int, About("views of the board taken", "", 0, _MOST)] = 0
     cue: Annotated[PoseCue | None, About("cue for the performer")] = None
@@ -41,7 +41,7 @@ class JobStatus:
     ] = None
     blind: Annotated[int | None, About("unusable images of all cameras together", "", 0, _MOST)] = None
     stalled_s: Annotated[float, About("time without progress", "s", 0.0, _MOST)] = 0.0
-    slowness: Annotated[float | None, About("time of work over that on an idle machine", "", 0.0, _MOST)] = None
+    slowness: Annotated[float | None, About("duration of work relative to an idle machine", "", 0.0, _MOST)] = None
 
 
 STATUS = Schema(JobStatus, "Status", "Status of a job.", CaptureError, "start again")

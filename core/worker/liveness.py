@@ -23,7 +23,7 @@ class Liveness:
         self._polled_s = clock()
 
     def update(self, messages: Sequence[Message]) -> None:
-        """Note the messages of one poll."""
+        """Update with the messages of one poll."""
         now_s = self._clock()
         self._silent_s = 0.0 if messages else self._silent_s + min(now_s - self._polled_s, WORKER.poll_gap_s)
         self._polled_s = now_s
@@ -37,7 +37,7 @@ class Liveness:
                 self.slowness = status.slowness or self.slowness
 
     def check(self, connected: bool) -> None:
-        """Raise CaptureError if the process hangs; the first frame may take longer."""
+        """Raise CaptureError if the process hangs; before its first frame it may be silent for longer."""
         hung_s = min(WORKER.hung_s * self.slowness, WORKER.silence_s)
         limit_s = hung_s if self.frames else WORKER.silence_s if connected else WORKER.start_s
         if self._silent_s > limit_s:

@@ -41,5 +41,5 @@ def open_source(asked: SourceRequest | Table) -> ImageSource:
     if isinstance(asked, LiveCameras):
         return CameraSource(asked.devices, asked.size, asked.fps, asked.controls)
     if isinstance(asked, TrackerSource):
-        raise CaptureError("trackers give no images", advice="choose cameras, or files")
+        raise CaptureError("trackers give no images", advice="choose cameras or video files")
     return ImageFileSource(asked.paths, asked.fps or 30.0)

@@ -10,7 +10,7 @@ from ..errors import CaptureError, PerfanimError
 from .channel import Channel, Stopped
 from .requests import read_request
 
-# module in `jobs` of each job; its request is in `requests`
+# job -> its module in `jobs`; its request is in `requests`
 JOBS = {
     "capture": "run_capture",
     "cameras": "camera_frames",
@@ -45,7 +45,7 @@ def main(port: int, token: str, name: str) -> int:
         channel.send_error(CaptureError(f"cannot load a library: {error}", where="worker", advice=advice))
         return 1
     except Exception as error:
-        # last resort of a process without a terminal: the traceback goes to its log, the user gets one line
+        # this process has no terminal: the traceback goes to its log, and the user gets one line
         traceback.print_exc()
         channel.send_error(CaptureError(f"failed unexpectedly: {type(error).__name__}: {error}", where="worker"))
         return 1

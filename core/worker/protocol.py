@@ -37,7 +37,7 @@ class MessageKind(IntEnum):
     """Kinds of messages; the first four are sent to the worker, the others come from it."""
 
     REQUEST = 1  # JSON: the job
-    STOP = 2  # end cleanly, after sending the remaining frames
+    STOP = 2  # end cleanly after sending the remaining frames
     ACK = 3  # JSON: number of frames that the receiver has processed, so that a source that can wait does not run ahead
     FILTER = 4  # JSON: settings of the pose filter from now on (`session.pose_filters`)
     HELLO = 10  # JSON: token, process id
@@ -70,7 +70,8 @@ class Message:
         with reading("worker", CaptureError, "start again", f"a {self.kind.name} message is not JSON"):
             value = json.loads(self.payload)
         if not isinstance(value, dict):
-            raise CaptureError(f"a {self.kind.name} message is not an object", where="worker")
+            what = f"a {self.kind.name} message is not a JSON object"
+            raise CaptureError(what, where="worker", advice="start again")
         return value
 
     def status(self) -> JobStatus:
@@ -78,7 +79,7 @@ class Message:
         return STATUS.read(self.json(), "worker")
 
     def count(self, key: str) -> int:
-        """Return the number of frames in an ACK or END message, or -1 if there is none."""
+        """Return a number of frames from an ACK or END message, or -1 if it is missing."""
         value = self.json().get(key)
         return value if isinstance(value, int) and 0 <= value < 1 << 53 else -1
 
@@ -92,13 +93,13 @@ class Message:
     def pose(self) -> TimedPose:
         """Return the pose from a POSE message."""
         if self.kind is not MessageKind.POSE:
-            raise CaptureError(f"a {self.kind.name} message holds no pose", where="worker")
+            raise CaptureError(f"a {self.kind.name} message holds no pose", where="worker", advice="start again")
         return unpack_solved(self.payload)
 
     def preview(self) -> Image:
         """Return the picture (height, width, 3), RGB, from a PREVIEW message."""
         if self.kind is not MessageKind.PREVIEW or len(self.payload) < _PICTURE.size:
-            raise CaptureError(f"a {self.kind.name} message holds no picture", where="worker")
+            raise CaptureError(f"a {self.kind.name} message holds no picture", where="worker", advice="start again")
         width, height = _PICTURE.unpack_from(self.payload)
         values = np.frombuffer(self.payload, np.uint8, offset=_PICTURE.size)
         if len(values) != width * height * 3:
@@ -161,7 +162,7 @@ class Decoder:
     def _header(self, start: int) -> tuple[MessageKind, int]:
         magic, version, number, length = _HEADER.unpack_from(self._buffer, start)
         if magic != MAGIC:
-            raise CaptureError("the stream from the other process is damaged", where="worker")
+            raise CaptureError("sent a damaged message", where="worker", advice="start again")
         if version != VERSION:
             raise CaptureError(
                 f"speaks protocol {version}, but this add-on speaks {VERSION}", where="worker", advice="restart Blender"
@@ -170,5 +171,6 @@ class Decoder:
             length > (MAX_PAYLOAD if number in _LONG_KINDS else _MAX_CONTROL)
             or number not in MessageKind._value2member_map_
         ):
-            raise CaptureError(f"sent an invalid message (kind {number}, {length} bytes)", where="worker")
+            what = f"sent an invalid message (kind {number}, {length} bytes)"
+            raise CaptureError(what, where="worker", advice="start again")
         return MessageKind(number), length

@@ -1,6 +1,6 @@
 """Requests for the worker's jobs, as they are sent to its process.
 
-The add-on creates them; the job's module in `jobs` documents their effect. They are sent as JSON and checked on
+The add-on creates requests; the job's module in `jobs` documents their effect. They are sent as JSON and checked on
 arrival.
 """
 
@@ -62,7 +62,7 @@ class Request:
 class CamerasRequest(Request):
     """Turn images, or trackers if the source is one, into marker frames.
 
-    A replacement for another process gets `after`. It reuses the earlier backgrounds, because the performer is now in
+    A process that replaces another gets `after` and reuses the earlier backgrounds, because the performer is now in
     view.
     """
 
@@ -76,11 +76,11 @@ class CamerasRequest(Request):
         float | None, About("grey levels above the background; by default automatic", "", 0.0, 255.0)
     ] = None
     in_flight: Annotated[
-        int | None, About("frames that may wait for the receiver; by default any number", "", 0, 1_000_000)
+        int | None, About("number of frames that may wait for the receiver; by default any", "", 0, 1_000_000)
     ] = None
     preview: Annotated[bool, About("whether small pictures are sent")] = False
-    background_file: Annotated[str, About("file that keeps the backgrounds for a process in this one's place")] = ""
-    after: Annotated[RestartPoint | None, About("last frame of the process before")] = None
+    background_file: Annotated[str, About("file that keeps the backgrounds for a replacement of this process")] = ""
+    after: Annotated[RestartPoint | None, About("last frame of the replaced process")] = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -90,7 +90,7 @@ class TrackersRequest(Request):
     job: ClassVar[str] = "trackers"
     source: Annotated[TrackerSource, About("trackers")]
     marker_set: Annotated[MarkerSet, About("worn marker set")]
-    after: Annotated[RestartPoint | None, About("last frame of the process before")] = None
+    after: Annotated[RestartPoint | None, About("last frame of the replaced process")] = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -108,9 +108,9 @@ class CaptureRequest(Request):
     shape: Annotated[FilterSettings, About("filter of the poses; the take keeps them unfiltered")] = field(
         default_factory=FilterSettings
     )
-    vmc: Annotated[VmcTarget | None, About("program that gets the poses, too")] = None
-    after: Annotated[RestartPoint | None, About("last frame of the process before")] = None
-    cause: Annotated[str, About("why the process before ended")] = ""
+    vmc: Annotated[VmcTarget | None, About("program that also receives the poses")] = None
+    after: Annotated[RestartPoint | None, About("last frame of the replaced process")] = None
+    cause: Annotated[str, About("why the process was replaced")] = ""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -119,7 +119,7 @@ class CommandRequest(Request):
 
     job: ClassVar[str] = "command"
     arguments: Annotated[tuple[str, ...], About("arguments of the command line")]
-    gently: Annotated[bool, About("whether other processes go first")] = False
+    gently: Annotated[bool, About("whether to run at low priority")] = False
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -134,7 +134,7 @@ class RecordBoardRequest(_BoardRequest):
     """Calibrate cameras from a board that is carried in front of them."""
 
     job: ClassVar[str] = "record board"
-    limit: Annotated[int, About("views at which it ends though the result is not good", "", 1, 10_000)]
+    limit: Annotated[int, About("number of views at which it ends even if the result is not good", "", 1, 10_000)]
     every_s: Annotated[
         float | None, About("time between views; by default one when the board is held still", "s", 0.0, _SECONDS)
     ] = None
@@ -155,10 +155,10 @@ class FloorMarkersRequest(CamerasRequest):
 
     job: ClassVar[str] = "record floor markers"
     rig: Annotated[RigTables, About("calibration")] = field()
-    height_m: Annotated[float, About("height of the markers' middles above the floor", "m", -10.0, 10.0)] = 0.0
+    height_m: Annotated[float, About("height of the marker centres above the floor", "m", -10.0, 10.0)] = 0.0
     longest_m: Annotated[
         float | None,
-        About("measured distance of the two farthest apart; by default the scale is kept", "m", 0.0, 100.0),
+        About("measured distance of the two markers farthest apart; by default the scale is kept", "m", 0.0, 100.0),
     ] = None
 
 
@@ -204,12 +204,10 @@ class CheckSetupRequest(CamerasRequest):
     job: ClassVar[str] = "check setup"
     marker_set: Annotated[str, About("shipped marker set or its file")]
     countdown_s: Annotated[float, About("time to go in front of the cameras", "s", 0.0, _SECONDS)] = 0.0
-    fault: Annotated[
-        str, About("name of a `Fault`: pictures of a studio with it stand for the source's; empty for none")
-    ] = ""
+    fault: Annotated[str, About("name of a `Fault`: its simulated studio replaces the source; empty for none")] = ""
     ignored: Annotated[
         tuple[tuple[float, float, float], ...],
-        About("camera, x and y of places to ignore, where no calibration of the source says it"),
+        About("camera, x and y (px) of places to ignore if no calibration of the source lists them"),
     ] = ()
 
 

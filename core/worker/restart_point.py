@@ -12,7 +12,7 @@ _MOST = 1e12  # largest number or time in messages
 
 @dataclass(frozen=True)
 class FrameOffset:
-    """Offset for the numbers and times of a source that was opened again."""
+    """Offset that continues the capture's frame numbers and times after its source was opened again."""
 
     number: int = 0
     time_s: float = 0.0
@@ -32,30 +32,30 @@ class RestartPoint:
 
     number: Annotated[int, About("frame number", "", -_MOST, _MOST)]
     time_s: Annotated[float, About("time of the capture", "s", -_MOST, _MOST)]
-    stamp_s: Annotated[float, About("`time.perf_counter()` when its images were in hand", "s", -_MOST, _MOST)]
+    stamp_s: Annotated[float, About("`time.perf_counter()` at the arrival of its images", "s", -_MOST, _MOST)]
     period_s: Annotated[float, About("time from one frame number to the next", "s", 1e-6, 60.0, optional=False)] = (
         WORKER.period_s
     )
 
     @staticmethod
     def after(first: tuple[int, float], last: tuple[int, float], stamp_s: float) -> "RestartPoint":
-        """Return the point after `last` (number, time); `first` gives the rate."""
+        """Return the restart point for frame `last` (number, time); `first`, an earlier frame, gives the rate."""
         numbers, times_s = last[0] - first[0], last[1] - first[1]
         period_s = times_s / numbers if numbers > 0 and times_s > 0.0 else WORKER.period_s
         return RestartPoint(last[0], last[1], stamp_s, period_s)
 
     def moved_to(self, stamp_s: float, frame: MarkerFrame) -> "RestartPoint":
-        """Return the point after another frame."""
+        """Return the same point for another last frame."""
         return replace(self, number=frame.number, time_s=frame.time_s, stamp_s=stamp_s)
 
     def offset(self, stamp_s: float, frame: MarkerFrame) -> FrameOffset:
-        """Return the offset that fits a new source's first frame to the clock."""
+        """Return the offset for the new process, given its first frame and that frame's stamp."""
         passed_s = max(stamp_s - self.stamp_s, self.period_s)
         number = self.number + max(round(passed_s / self.period_s), 1)
         return FrameOffset(number - frame.number, self.time_s + passed_s - frame.time_s)
 
     def gap_s(self, frame: MarkerFrame) -> float:
-        """Return the gap between this frame and the next one, to which the offset has been applied."""
+        """Return the gap (s) between this point and the next frame, to which the offset has been applied."""
         return max(frame.time_s - self.time_s - self.period_s, 0.0)
 
 

@@ -14,7 +14,7 @@ class SupervisedClient:
     The request for the new process has two additional keys, `after` and `cause`.
 
     Args:
-        name: Name of the process in messages, such as "the solver's process".
+        name: Name of the process in messages, such as "the solver process".
         on_restart: Called with the restart point and the cause before the new process starts.
     """
 

@@ -1,4 +1,4 @@
-"""Sending a live capture's poses to another program by the VMC protocol."""
+"""Sends a live capture's poses to another program over the VMC protocol."""
 
 from collections.abc import Callable
 
@@ -11,8 +11,8 @@ from ..formats.vmc.vmc_udp import Sender
 class VmcSender:
     """Sends the first performer's poses.
 
-    Here, in the solver's process, every pose passes at the pace of the cameras, however slowly Blender draws. At the
-    first failure it calls `warn` once and stops sending; the capture continues.
+    It runs in the solver process, through which every pose passes at the pace of the cameras, however slowly Blender
+    draws. At the first failure it calls `warn` and stops sending; the capture continues.
     """
 
     def __init__(self, skeleton: Skeleton, host: str, port: int, warn: Callable[[str], None]) -> None:
@@ -36,4 +36,4 @@ class VmcSender:
             self._fail(error)
 
     def _fail(self, error: CaptureError) -> None:
-        self._warn(f"nothing is sent by VMC: {error}")
+        self._warn(f"nothing is sent over VMC: {error}")

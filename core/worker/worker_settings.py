@@ -19,12 +19,12 @@ class WorkerSettings:
     start_s: float = 60.0  # time for a process to connect
     silence_s: float = 15.0  # longest silence of a working process before its first frame
     hung_s: float = 1.25  # the same after the first frame, on an idle machine
-    poll_gap_s: float = 0.25  # longest time between two polls that counts as silence: the poller may be held up
+    poll_gap_s: float = 0.25  # most of the time between two polls that counts as silence: the poller may be held up
     restarts: int = 3  # restarts of a process that are allowed within `restarts_within_s`
     restarts_within_s: float = 60.0
     stop_s: float = 5.0  # time for the cameras to stop
     orphan_stop_s: float = 1.0  # the same after Blender has gone
-    report_s: float = 0.5  # interval between two reports of the cameras' skew
+    report_s: float = 0.5  # interval between two reports of the skew between cameras
     ack_s: float = 0.25  # longest wait for Blender to take a pose
     poll_bytes: int = 8 << 20  # approximate number of bytes received by one poll; the rest waits for the next
     poll_messages: int = 1000  # messages received by one poll
@@ -32,8 +32,8 @@ class WorkerSettings:
     gap_s: float = 0.05  # shortest gap in a capture that is reported
 
     # jobs
-    empty_images: int = 30  # images of the simulated room used to learn the background
-    spread_images: int = 40  # images used for the same, spread over a recording that shows the performer
+    empty_images: int = 30  # images of the simulated capture space from which the background is learned
+    spread_images: int = 40  # the same for a recording that always shows the performer: spread over its length
     frames_ahead: int = 2  # frames that wait for the solver, from sources that can wait
     preview_px: int = 320  # width of one camera's picture
     preview_s: float = 0.2  # interval between two previews
@@ -41,7 +41,7 @@ class WorkerSettings:
     board_places: int = 40  # number of positions of the simulated board
     recording_s: float = 60.0  # longest recording that is searched for calibration poses
     trackers_s: float = 0.1  # longest wait for a packet from trackers
-    silent_trackers_s: float = 1.0  # time without a marker after which the reason is sent
+    silent_trackers_s: float = 1.0  # time without a marker after which the user is told why
     flood_s: float = 1.0  # time after the last excess packet at which a flood ends
     flood_frames: int = 60  # frames of a flood that may wait for the solver; further ones are dropped
 

@@ -69,7 +69,7 @@ class CaptureRun:
         self.error: PerfanimError | None = None
         self.statistics = Statistics()
         self._client = client
-        self._supervised = SupervisedClient(client, "the solver's process", self._on_restart)
+        self._supervised = SupervisedClient(client, "the solver process", self._on_restart)
         self._clock = clock
         self._arrivals: deque[float] = deque()
         self._stamp = 0.0
@@ -123,7 +123,7 @@ class CaptureRun:
         return self.poses[-1] if len(self.poses) > before else None
 
     def _on_restart(self, point: RestartPoint, cause: str) -> None:
-        self._restarting = f"{cause}: starting it again"
+        self._restarting = f"{cause}: restarting it"
 
     def take_preview(self) -> Image | None:
         """Return a new picture of the cameras (height, width, 3), RGB, or None."""

@@ -172,7 +172,7 @@ CASES: dict[str, list[tuple[str | bytes, str]]] = {
     ],
     "a.xyz": [("x", "is not a marker take")],
     "a.take.npz": [("junk", "is not a marker take")],
-    "a.pfdb": [("junk\n" * 50, "is not a motion database"), ("HIERARCHY\n" * 50, "is a BVH file, no motion database")],
+    "a.pfdb": [("junk\n" * 50, "is not a motion database"), ("HIERARCHY\n" * 50, "is a BVH file, not the expected motion database")],
     "a.perftake": [
         ("", "is empty"),
         ("no take at all, but some words", "is not a recorded take"),
@@ -234,10 +234,10 @@ CASES: dict[str, list[tuple[str | bytes, str]]] = {
         (PROP + '[[marker]]\nname = "A"\nposition_m = [1, 2]\n' * 3, "position_m must be three numbers"),
     ],
     "map.toml": [
-        ("", r"lacks 'joints', a table \[joints\] of names, each with a text that is not empty"),
+        ("", r"lacks 'joints', a table \[joints\] of names, each with a non-empty string"),
         ('joints = "root"', r"joints must be a table \[joints\] of names"),
         ('[joints]\nroot = ""', r"joints must be a table \[joints\] of names"),
-        ('name = 3\n[joints]\nroot = "Hips"', "name must be a text"),
+        ('name = 3\n[joints]\nroot = "Hips"', "name must be a string"),
     ],
     "rig.toml": [
         ("", "no cameras"),
@@ -256,7 +256,7 @@ CASES: dict[str, list[tuple[str | bytes, str]]] = {
     ],
     "rig.txt": [
         ("<calibration><cameras><camera", "not valid XML"),
-        ("<html><body/></html>", "is a web page, no calibration"),
+        ("<html><body/></html>", "is a web page, not the expected calibration"),
         ("<rig/>", r"is XML of another program \(<rig>\)"),
         ("<calibration><cameras/></calibration>", "holds no cameras"),
         ('<calibration><cameras><camera serial="A1"/></cameras></calibration>', "camera A1: <fov_video> is incomplete"),

@@ -74,7 +74,7 @@ def captured(database: Path, take: Path) -> dict[str, float]:
         memory_mb = np.sum([_memory_mb(worker) for worker in workers], axis=0)
         killed_s = time.perf_counter()
         os.kill(client.process_id, signal.SIGKILL)
-        _ticked(capture, lambda: capture.notice.endswith("starting it again"))
+        _ticked(capture, lambda: capture.notice.endswith("restarting it"))
         taken = len(capture.poses)
         again_s = _ticked(capture, lambda: len(capture.poses) > taken) - killed_s
         capture.stop()

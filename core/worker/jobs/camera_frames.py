@@ -36,7 +36,7 @@ def run(request: CamerasRequest, channel: Channel) -> None:
     Raises:
         PerfanimError: The source cannot be opened, stops giving images, or does not fit the calibration.
     """
-    # images of this size are processed before a second thread starts, and Blender needs the other core
+    # cameras' images are so small that a second thread starts too late to help, and Blender needs the other core
     cv2.setNumThreads(1)
     with open_pipeline(request, channel) as (source, pipeline):
         channel.send_status("waiting for images")
@@ -61,7 +61,7 @@ class _Images:
 
     Attributes:
         newest: Images of the last set.
-        processor_s: This thread's processor time when the set was yielded.
+        processor_s: CPU time of this thread when the set was yielded, s.
     """
 
     def __init__(self, stop: Event, images: Iterable[ImageSet]) -> None:
@@ -111,7 +111,7 @@ def _keep_backgrounds(pipeline: MarkerPipeline, path: Path) -> None:
 
 
 def _read_backgrounds(path: Path) -> list[Background]:
-    with reading(path, CaptureError, "start the capture again", "holds no backgrounds"):
+    with reading(path, CaptureError, "start the capture again", "contains no backgrounds"):
         kept = read_arrays(path, CaptureError)
         arrays = [kept[str(number)].astype(np.float32) for number in range(len(kept))]
         return [Background(mean, deviation) for mean, deviation in zip(arrays[::2], arrays[1::2], strict=True)]
@@ -138,7 +138,7 @@ def _rig(request: CamerasRequest, source: ImageSource) -> CameraRig:
 
 
 def learn_room(source: Any, request: CamerasRequest, channel: Channel) -> list[Background]:
-    """Return the backgrounds of the cameras; none for a video of unknown length.
+    """Return the backgrounds of the cameras; an empty list for a video of unknown length.
 
     Raises:
         Stopped: A stop was requested meanwhile. PerfanimError: The source gives no images.

@@ -1,4 +1,4 @@
-"""Main loop of a capture: poll the cameras' process, record, solve, filter, send."""
+"""Main loop of a capture: poll the camera process, record, solve, filter, send."""
 
 import time
 from collections import deque
@@ -46,7 +46,7 @@ class CaptureLoop:
         is_live: bool,
     ) -> None:
         self._client = client
-        self._cameras = SupervisedClient(client, "the cameras' process", self._on_restart)
+        self._cameras = SupervisedClient(client, "the camera process", self._on_restart)
         self._recorder = recorder
         self._session = session
         self._output = output
@@ -57,18 +57,18 @@ class CaptureLoop:
         self._frames: deque[tuple[float, MarkerFrame]] = deque()  # recorded but not solved yet
         self._pose: PerformerPose | None = None  # the last pose
         self._delayed = DelayedPoses()
-        self._held: deque[TimedPose] = deque()  # solved but not calmed yet
+        self._held: deque[TimedPose] = deque()  # solved, but the zero-lag filter still waits for later poses
         self._solved = 0  # number of frames
         self._stop_asked_s = 0.0
         self._error: PerfanimError | None = None
 
     def run(self) -> None:
-        """Loop until all frames are solved; then raise the cameras' error, if there was one."""
+        """Loop until all frames are solved; then raise the camera process's error, if there was one."""
         while self._output.is_ready or self._frames or not (self._client.ended or self._error):
             if self._is_live:
                 self._channel.progress_s = time.monotonic()
             self._receive()
-            if self._channel.disconnected.is_set():  # frames in the take can be solved later
+            if self._channel.disconnected.is_set():  # the frames are in the take and can be solved later
                 self._frames.clear()
                 self._output.drop()
             if self._output.is_ready:
@@ -102,11 +102,11 @@ class CaptureLoop:
         is_alone = self._channel.disconnected.is_set()
         limit_s = WORKER.orphan_stop_s if is_alone else WORKER.stop_s * self._channel.slowness.factor
         if time.monotonic() - self._stop_asked_s > limit_s:
-            raise CaptureError("the cameras did not stop in time", advice="unplug the camera that hangs")
+            raise CaptureError("the cameras did not stop in time", advice="unplug the camera that does not respond")
 
     def _on_restart(self, point: RestartPoint, cause: str) -> None:
         self._recorder.expect_restart(point, cause)
-        self._channel.send_warning(f"{cause}: starting it again", standing=True)
+        self._channel.send_warning(f"{cause}: restarting it", standing=True)
 
     def _on_message(self, message: Message) -> None:
         if message.kind is MessageKind.FRAME:
@@ -155,18 +155,18 @@ class CaptureLoop:
             self._output.put(solved, None)
         if calm is not None:
             self._keep(calm)
-        if not self._output.is_ready:  # the first poses wait for later ones
+        if not self._output.is_ready:  # the filter still waits for later poses, so no ACK from Blender follows
             self._client.acknowledge(self._solved)
 
     def _end(self) -> None:
-        """Keep and send the last poses, which no later ones calm."""
+        """Write and send the last poses, which are filtered without later ones."""
         for pose in self._delayed.rest():
             self._keep(pose)
             while self._output.is_ready and not self._channel.disconnected.is_set():
                 self._output.send()
 
     def _keep(self, pose: ScenePose) -> None:
-        """Write the oldest pose that was held to the take, calmed, and send it unless it was sent as solved."""
+        """Write a filtered pose, that of the oldest held frame, to the take; send it unless it was sent as solved."""
         calm = replace(self._held.popleft(), pose=pose)
         record = None
         if self._take is not None:

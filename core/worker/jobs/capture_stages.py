@@ -21,7 +21,7 @@ class FrameRecorder:
     """Unpacks each marker frame once and writes its bytes to the take, if there is one.
 
     Args:
-        is_repeatable: Whether a source that is opened again keeps its numbers and times.
+        is_repeatable: Whether the source gives the same frame numbers and times when it is opened again.
     """
 
     def __init__(self, take: TakeWriter | None, channel: Channel, is_repeatable: bool) -> None:
@@ -32,11 +32,11 @@ class FrameRecorder:
         self._restart: tuple[RestartPoint, str] | None = None  # until the first frame after it
 
     def expect_restart(self, point: RestartPoint, cause: str) -> None:
-        """Treat the next frame as the first of another process; `cause` is in plain words."""
+        """Treat the next frame as the first of a new process; `cause` says in plain words why there is one."""
         self._restart = point, cause
 
     def record(self, record: bytes) -> tuple[float, MarkerFrame]:
-        """Return stamp and frame with the numbers and times of the capture."""
+        """Write a packed frame to the take; return its stamp and the frame, numbered and timed as the capture is."""
         stamp_s, frame = unpack_stamped(record)
         if self._restart is not None:
             point, cause = self._restart
@@ -52,17 +52,17 @@ class FrameRecorder:
 
     def _report_gap(self, point: RestartPoint, cause: str, gap_s: float) -> None:
         if self._take is not None:
-            self._take.add_gap(f"{cause}: started again, {gap_text(gap_s)}", point.number, gap_s)
+            self._take.add_gap(f"{cause}: restarted, {gap_text(gap_s)}", point.number, gap_s)
         self._channel.send_warning("", standing=True)
-        self._channel.send_warning(f"{cause}: it was started again, {gap_text(gap_s)}")
+        self._channel.send_warning(f"{cause}: it was restarted, {gap_text(gap_s)}")
 
 
 class CameraReport:
-    """Reports the time between the cameras' images and the number of unusable ones."""
+    """Reports the skew between the cameras' images and the number of unusable images."""
 
     def __init__(self, channel: Channel) -> None:
         self._channel = channel
-        self._unusable_images = 0  # of all cameras together
+        self._unusable_images = 0  # total of all cameras
         self._reported_s = 0.0
 
     def update(self, frame: MarkerFrame) -> None:
@@ -107,7 +107,7 @@ class PoseOutput:
     def put(self, solved: TimedPose, record: bytes | None) -> None:
         """Filter a pose, send it by VMC, and keep it for Blender.
 
-        `record` is the pose as packed for the take, or None without a take.
+        `record` is the pose as packed for the take; None if it was not written to a take.
         """
         settings = self._channel.take_filter_settings()
         if settings is not None:

@@ -1,8 +1,8 @@
 """Job: check light, cameras and markers before a capture.
 
 The RESULT has "findings" (tables with "fault", "text" and "places") and "space" (where all cameras see a performer; ""
-without a calibration that knows the floor). A last PREVIEW shows rings around the findings' places, with reflections
-numbered from 1 in the RESULT's order, crosses at ignored positions, and the space on the floor.
+without a calibration that knows the floor). The last PREVIEW shows rings around the places of the findings, with
+reflections numbered from 1 in the RESULT's order, crosses at ignored positions, and the space on the floor.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -40,10 +40,10 @@ class CheckSettings:
     """Timing of a check, and drawings in its last picture; colours are BGR."""
 
     pose_s: float = 2.0  # duration of the T pose
-    seed: int = 18  # random seed for the studio with a fault
+    seed: int = 18  # random seed of the simulated studio with a fault
     ring: tuple[int, int, int] = (60, 170, 255)  # colour of the rings around findings
     ring_px: int = 9  # radius of the rings
-    text: float = 1.2  # size of their numbers, in OpenCV's units
+    text: float = 1.2  # scale of the numbers beside the rings, OpenCV's fontScale
     space: tuple[int, int, int] = (80, 255, 80)  # colour of the space on the floor
 
 
@@ -71,7 +71,7 @@ def _check_source(request: CheckSetupRequest, channel: Channel) -> tuple[list[Fi
     with closing(open_source(source_asked)) as source:
         backgrounds = learn_room(source, request, channel)
         if not backgrounds:
-            raise CaptureError("a video of unknown length cannot be checked", advice="choose cameras, or files")
+            raise CaptureError("a video of unknown length cannot be checked", advice="choose cameras or another video")
         images = iter(source)
         if request.source.is_live:
             count_down(images, request.countdown_s, channel, INSTRUCTIONS["t"])
@@ -89,9 +89,9 @@ def _check_source(request: CheckSetupRequest, channel: Channel) -> tuple[list[Fi
 
 
 def _check_studio(request: CheckSetupRequest, channel: Channel) -> tuple[list[Finding], None]:
-    """Return the faults found in a studio that has the requested fault."""
+    """Return the faults found in a simulated studio that has the requested fault."""
     fault = Fault(request.fault)
-    channel.send_status(f"building a studio: {fault}")
+    channel.send_status(f"building a simulated studio: {fault}")
     studio = studio_with(fault, np.random.default_rng(_SETTINGS.seed))
     moments = _Watched(studio.moments, FPS, channel)
     rig = studio.rig.ignoring(request.ignored)
@@ -164,7 +164,7 @@ def _ring(findings: Sequence[Finding], camera: int, picture: Image, image_width:
 
 
 def _write_beside(picture: Image, centre: tuple[int, int], text: str) -> None:
-    """Write a text next to a ring, where the picture has space for it."""
+    """Write a text beside a ring, on the side where the picture has space for it."""
     (width, height), _ = cv2.getTextSize(text, cv2.FONT_HERSHEY_PLAIN, _SETTINGS.text, 1)
     x = centre[0] + _SETTINGS.ring_px + 3
     if x + width > picture.shape[1]:

@@ -1,4 +1,4 @@
-"""Small pictures of the cameras' images for display in Blender."""
+"""Reduced images of the cameras, for display in Blender."""
 
 import time
 from collections.abc import Callable, Sequence

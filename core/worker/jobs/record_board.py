@@ -1,7 +1,7 @@
 """Job: calibrate the cameras from a board that is carried in front of them.
 
 A STOP ends it with the views taken so far. The RESULT is that of `perfanim calibrate cameras`, with "pictures", the
-folders, and "rig", the calibration as tables: Blender writes it, so a cancelled calibration does not replace any.
+folders, and "rig", the calibration as tables: Blender writes the file, so that a cancelled calibration replaces none.
 """
 
 import time
@@ -58,14 +58,14 @@ def run(request: RecordBoardRequest, channel: Channel) -> None:
 
 
 def camera_names(count: int) -> tuple[list[str], list[str]]:
-    """Return the names of the cameras, and their names in sentences."""
+    """Return the names of the cameras, and how sentences refer to them."""
     names = ["left", "right"] if count == 2 else [f"camera{index + 1}" for index in range(count)]
     titles = [camera_title(index, names) for index in range(count)]
     return names, titles if count == 2 else ["the camera"] if count == 1 else [f"camera {i + 1}" for i in range(count)]
 
 
 def _empty_folder(folder: Path) -> Path:
-    """Return a folder without the pictures of an earlier calibration."""
+    """Create a folder, or remove the pictures of an earlier calibration from it; return it."""
     folder.mkdir(parents=True, exist_ok=True)
     for old in folder.glob("*.png"):
         old.unlink()
@@ -73,7 +73,7 @@ def _empty_folder(folder: Path) -> Path:
 
 
 def open_board(asked: ImageSourceRequest, board: Board, poses: Sequence[BoardPose] = ()) -> ImageSource:
-    """Return the source; a simulated one shows the board in these poses, or in many."""
+    """Return the source; a simulated one shows the board in `poses`, or in many positions if there are none."""
     if not isinstance(asked, SimulatedPerformer):
         return open_source(asked)
     rig = default_rig(asked.cameras)
@@ -87,7 +87,7 @@ def _watch(
     preview: PreviewSender,
     channel: Channel,
 ) -> None:
-    """Pass images to the session until it is done, STOP, or the end of the source."""
+    """Pass images to the session until it is done, a stop is requested, or the source ends."""
     sent, taken_s = ("", -1), -WORKER.taken_s
     for image_set in images:
         if channel.stop_requested.is_set():

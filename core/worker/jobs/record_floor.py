@@ -1,7 +1,8 @@
 """Job: find the floor from the board lying on it.
 
 The RESULT has "rig", the calibration as tables in a world whose origin is the board's centre and whose floor is y = 0,
-and "scale", the size of the board by the calibration divided by that of its SPEC. After a STOP there is none.
+and "scale", the board's size as measured with the calibration, divided by the size in its SPEC. After a STOP there is
+no RESULT.
 """
 
 from contextlib import closing
@@ -62,7 +63,8 @@ def _still_board(
             sent = advice
             channel.send_status(advice)
     raise CalibrationError(
-        "the cameras did not see the board lying still together", advice="lay it where they all see the whole of it"
+        "the cameras never saw the whole board at the same time, lying still",
+        advice="lay it where all cameras see all of it",
     )
 
 

@@ -1,7 +1,7 @@
 """Job: find the floor, and optionally the scale, from markers lying on it.
 
 The RESULT has "rig", the calibration as tables in a world whose origin is the markers' centre and whose floor is
-y = 0, "markers", their number, and "scale", the factor applied to the calibration. After a STOP there is none.
+y = 0, "markers", their number, and "scale", the factor applied to the calibration. After a STOP there is no RESULT.
 """
 
 from collections.abc import Iterator

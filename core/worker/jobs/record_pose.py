@@ -57,7 +57,7 @@ def record_poses(request: RecordPoseRequest, channel: Channel) -> tuple[MarkerTa
     if not frames:
         raise CaptureError("the source gave no images of the poses", advice="check the source")
     rig = pipeline.rig
-    channel.send_status("joining the markers to trajectories")
+    channel.send_status("linking the markers into trajectories")
     take = name_trajectories(track_markers(frames, "calibration", source.fps, len(marker_set)).take, marker_set)
     result: dict[str, Any] = {"frames": take.frames, "out": request.out}
     if request.rig is not None and "floor" not in rig.metadata:
@@ -74,12 +74,12 @@ def record_poses(request: RecordPoseRequest, channel: Channel) -> tuple[MarkerTa
 
 
 def _moments(request: RecordPoseRequest, images: Iterator[ImageSet], channel: Channel) -> Iterator[ImageSet]:
-    """Yield the image sets from the first pose to the last; send the instructions."""
+    """Yield the image sets from the first pose to the last, and send the instructions."""
     poses = request.poses
     if request.source.is_live:
         count_down(images, request.countdown_s, channel, INSTRUCTIONS[poses[0]])
     elif not isinstance(request.source, SimulatedPerformer) and len(poses) > 1:
-        # a recording does not follow instructions, so the poses can be anywhere in it
+        # the performer of a recording does not follow these instructions, so the poses can be anywhere in it
         yield from _for_seconds(images, WORKER.recording_s, channel, "looking for the markers", None)
         return
     for number, pose in enumerate(poses):
@@ -90,7 +90,7 @@ def _moments(request: RecordPoseRequest, images: Iterator[ImageSet], channel: Ch
 
 
 def count_down(images: Iterator[ImageSet], seconds: float, channel: Channel, text: str) -> None:
-    """Skip the images of a countdown; send a text with the seconds left."""
+    """Skip the images of a countdown, and send a text with the seconds left."""
     due_s, sent = time.perf_counter() + seconds, 0
     for _ in images:
         if channel.stop_requested.is_set():
@@ -106,7 +106,7 @@ def count_down(images: Iterator[ImageSet], seconds: float, channel: Channel, tex
 def _for_seconds(
     images: Iterator[ImageSet], seconds: float, channel: Channel, text: str, stage: PoseStage | None
 ) -> Iterator[ImageSet]:
-    """Yield image sets for some time; send the text, with the time left or the request to hold still."""
+    """Yield image sets for `seconds`, and send the text, with the time left or the request to hold still."""
     start_s = None
     for image_set in images:
         start_s = image_set.times_s[0] if start_s is None else start_s

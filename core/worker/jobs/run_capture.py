@@ -1,8 +1,8 @@
-"""Job: live capture, from the marker frames of the cameras' process to poses for Blender.
+"""Job: live capture, from the marker frames of the camera process to poses for Blender.
 
-Three processes share the work: the cameras' (OpenCV), this one (the solver) and Blender, which only draws, so that its
-window stays responsive. If the cameras' process dies or hangs, this one replaces it; Blender replaces this one. The
-take then continues, and the gap is recorded.
+Three processes share the work: the camera process (OpenCV), this one (the solver process) and Blender, which only
+draws, so that its window stays responsive. If the camera process dies or hangs, this one replaces it; Blender replaces
+this one. The take then continues, and the gap is recorded.
 """
 
 from dataclasses import replace
@@ -30,8 +30,8 @@ from .capture_stages import FrameRecorder, PoseOutput
 if TYPE_CHECKING:
     from ...session.multi_target_session import MultiTargetSession
 
-# The simulated performer keeps pace with the window: each redraw shows its next frame. On a machine that draws slowly,
-# computing poses in advance would take time from drawing. Recorded images do run ahead.
+# The simulated performer keeps pace with the window: each redraw shows the next frame. On a machine that draws slowly,
+# solving further ahead would take time from drawing. Recorded images may be solved any number of frames ahead.
 _POSES_AHEAD = 1
 
 
@@ -39,7 +39,7 @@ def run(request: CaptureRequest, channel: Channel) -> None:
     """Send poses until STOP or the end of the source.
 
     Raises:
-        PerfanimError: A file cannot be used, or the cameras' process failed.
+        PerfanimError: A file cannot be used, or the camera process failed.
     """
     cameras, source = request.cameras, request.cameras.source
     if not source.is_live:
@@ -47,7 +47,7 @@ def run(request: CaptureRequest, channel: Channel) -> None:
     channel.send_status("opening the cameras")
     take, client = None, None
     try:
-        # its Python starts while files are opened here, and the cameras open while the session is prepared
+        # started first: its Python loads while files are opened here, and cameras open while the session is prepared
         if isinstance(source, TrackerSource):
             client = WorkerClient(TrackersRequest(source=source, marker_set=request.performers[0].marker_set))
         else:
@@ -57,7 +57,7 @@ def run(request: CaptureRequest, channel: Channel) -> None:
         point = request.after
         take = _open_take(request, setup, channel)
         if point is not None and take is not None and take.last_frame is not None:
-            # the take may lack the last tenth of a second; these poses are repeated
+            # the take may lack the last tenth of a second, whose poses are then repeated
             point = point.moved_to(*take.last_frame)
         client.ask(point)
         recorder = FrameRecorder(take, channel, source.is_repeatable)
@@ -84,7 +84,7 @@ def _setup(request: CaptureRequest, cameras: CamerasRequest, database: Database)
     with reading("solver", SettingsError, "choose the method again"):
         settings = SolveSettings.of_table(request.settings)
     rig = None if isinstance(cameras.source, TrackerSource) else cameras.rig or default_rig()
-    asked = table_of(replace(cameras, rig=None))  # the calibration is stored elsewhere in the take
+    asked = table_of(replace(cameras, rig=None))  # the take stores the calibration separately
     facts = (request.settings, identity(database), asked)
     return TakeSetup.of(rig, request.performers, *facts, request.props), settings
 
@@ -96,14 +96,14 @@ def _session(setup: TakeSetup, database: Database, settings: SolveSettings) -> "
 
 
 def _output(request: CaptureRequest, setup: TakeSetup, channel: Channel) -> PoseOutput:
-    """Return the output to Blender, and by VMC if the request names a program."""
-    floor_m = floor_of(setup.camera_rig()) if request.cameras.rig else 0.0  # the simulated performer's floor is known
+    """Return the output to Blender, and over VMC if the request names a program."""
+    floor_m = floor_of(setup.camera_rig()) if request.cameras.rig else 0.0  # the simulated performer's floor is y = 0
     skeletons = [subject.skeleton for subject in setup.subjects()]
     shaper = PoseFilter(skeletons, floor_m, request.shape)
     ahead = _POSES_AHEAD if isinstance(request.cameras.source, SimulatedPerformer) else None
     if request.vmc is None:
         return PoseOutput(shaper, channel, ahead)
-    from ..vmc_sender import VmcSender  # only loaded by captures that send
+    from ..vmc_sender import VmcSender  # loaded only by captures that send over VMC
 
     sender = VmcSender(skeletons[0], request.vmc.host, request.vmc.port, channel.send_warning)
     return PoseOutput(shaper, channel, ahead, sender)

@@ -12,11 +12,13 @@ def run(request: CommandRequest, channel: Channel) -> None:
     """Run the command; send progress as STATUS messages and the summary as RESULT."""
     arguments = request.arguments
     if not arguments or arguments[0] not in COMMANDS:
-        raise CaptureError(f"was sent an unknown command: {' '.join(arguments)}", where="worker")
+        what = f"received an unknown command: {' '.join(arguments)}"
+        raise CaptureError(what, where="worker", advice="restart Blender")
     try:
         options = build_parser(arguments[:1]).parse_args(arguments)
     except SystemExit as error:
-        raise CaptureError(f"was sent wrong options: {' '.join(arguments)}", where="worker") from error
+        what = f"received invalid options: {' '.join(arguments)}"
+        raise CaptureError(what, where="worker", advice="check the settings") from error
 
     if request.gently:
         step_back()

@@ -1,7 +1,7 @@
 """Job: take one picture with each plugged-in camera, so that the user can choose.
 
-The RESULT has "cameras": device and size of each; the size is null if it gives no image. A PREVIEW shows all
-side by side.
+The RESULT has "cameras": device and size of each camera; the size is null if it gives no image. A PREVIEW shows all
+pictures side by side.
 """
 
 import numpy as np
@@ -28,7 +28,8 @@ def run(_request: ShowCamerasRequest, channel: Channel) -> None:
     found = find_cameras()
     if not found:
         raise CaptureError(
-            "no camera is plugged in, or other programs use them", advice="plug in two, or close other programs"
+            "found no camera, or only cameras that other programs use",
+            advice="plug in two cameras, or close the other programs",
         )
 
     def draw(number: int, picture: Image, image_width: int) -> None:

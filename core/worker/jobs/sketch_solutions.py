@@ -1,7 +1,7 @@
 """Job: solve sketches, once or after each edit in Blender.
 
 Each RESULT is a `solution_table`. A live edit is answered with the current frame first, then with the whole motion; a
-newer edit ends the work on an older one.
+newer edit interrupts the work on an older one.
 """
 
 from ...database.store import open_database

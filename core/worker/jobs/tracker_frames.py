@@ -34,7 +34,7 @@ def run(request: TrackersRequest, channel: Channel) -> None:
 
 
 class _Flood:
-    """Warnings about a flood: at its start, and at its end with the number of lost packets.
+    """Warnings about a flood of packets: at its start, and at its end with the number of dropped packets.
 
     Without a limit, waiting frames would fill the memory and delay the poses.
     """
@@ -42,9 +42,9 @@ class _Flood:
     def __init__(self, receiver: Receiver, stream: TrackerStream, channel: Channel) -> None:
         self._receiver, self._stream, self._channel = receiver, stream, channel
         self._is_on = False
-        self._count, self._last_s = 0, -math.inf  # number of excess packets, and time of the last one
-        self._left_out = 0  # frames
-        self._reported = 0  # lost packets and frames
+        self._count, self._last_s = 0, -math.inf  # number of dropped packets, and when it last rose
+        self._left_out = 0  # number of dropped frames
+        self._reported = 0  # number of dropped packets and frames that has been reported
 
     def update(self, now_s: float) -> None:
         """Note new packets; warn when a flood begins or ends."""
@@ -54,14 +54,15 @@ class _Flood:
         was_on, self._is_on = self._is_on, now_s - self._last_s < WORKER.flood_s
         where = f"on port {self._receiver.port}"
         if self._is_on and not was_on:
-            self._channel.send_warning(f"too much comes {where}, most is not read: let a single program send there")
+            text = f"too many packets arrive {where}, most are dropped: let only one program send there"
+            self._channel.send_warning(text)
         if was_on and not self._is_on:
             left_out = count + self._left_out
-            self._channel.send_warning(f"{left_out - self._reported} packets too many {where} were left out")
+            self._channel.send_warning(f"{left_out - self._reported} excess packets {where} were dropped")
             self._reported = left_out
 
     def has_room(self) -> bool:
-        """Return whether a frame may be sent; otherwise count it."""
+        """Return whether a frame may be sent; if not, count it as dropped."""
         if not self._is_on or self._channel.frames - self._channel.acknowledged < WORKER.flood_frames:
             return True
         self._left_out += 1
@@ -69,7 +70,7 @@ class _Flood:
 
 
 class _Silence:
-    """Reports why no markers arrive, and their return."""
+    """Reports why no markers arrive, and when they are back."""
 
     def __init__(self, receiver: Receiver, stream: TrackerStream, sender: str, channel: Channel) -> None:
         self._receiver, self._stream, self._channel = receiver, stream, channel
@@ -80,11 +81,11 @@ class _Silence:
         self._since_s = time.perf_counter()
 
     def update(self, now_s: float, came: bool) -> None:
-        """Update with the arrival of markers, and with other senders."""
+        """Report a change; `came` says whether markers have just arrived."""
         others = self._receiver.others
         if len(others) > self._others:
-            named = f"{', '.join(others)} sends to port {self._receiver.port}, too, and is left out"
-            self._channel.send_warning(f"{named}: close that program, or give it another port")
+            named = f"packets to port {self._receiver.port} from {', '.join(others)} are ignored"
+            self._channel.send_warning(f"{named}: close that program, or let it send to another port")
             self._others = len(others)
         if came:
             if self._warning:
@@ -93,7 +94,7 @@ class _Silence:
                 self._channel.send_warning(f"the trackers are back after {now_s - self._since_s:.1f} s")
             self._since_s, self._came, self._warning = now_s, True, ""
         elif not self._hears and self._stream.gathering.understood:
-            self._hears, self._since_s = True, now_s  # its content is known after one complete round of packets
+            self._hears, self._since_s = True, now_s  # what it sends is known after one complete set of packets
         elif now_s - self._since_s > WORKER.silent_trackers_s:
             reason = self._reason()
             if reason != self._warning:
@@ -103,17 +104,17 @@ class _Silence:
     def _reason(self) -> str:
         where = f"on port {self._receiver.port}{self._from}"
         if self._came:
-            return f"no trackers come any more {where}: the capture goes on when they do"
+            return f"trackers no longer arrive {where}: the capture continues when they do"
         if not self._stream.gathering.packets and self._receiver.strangers:
             others = ", ".join(sorted(self._receiver.strangers))
-            return f"nothing comes {where}, but from {others}: choose who sends under Cameras"
+            return f"nothing arrives {where}, only from {others}: choose the sender under Cameras"
         if not self._stream.gathering.packets:
-            return f"nothing comes {where}: let the other program send to this computer and port"
+            return f"nothing arrives {where}: let the other program send to this computer and port"
         if not self._stream.gathering.understood:
-            return f"what comes {where} is not VMC: choose this protocol in the other program"
+            return f"what arrives {where} is not VMC: choose this protocol in the other program"
         if not self._stream.trackers:
-            return f"no trackers come {where}: have the other program send them, not only bones"
+            return f"no trackers arrive {where}: let the other program send trackers, not only bones"
         return (
-            f"the trackers {join_names(self._stream.trackers)} are no markers of the set: name them in it, or choose "
-            "another under Markers"
+            f"no marker of the set is named like the trackers {join_names(self._stream.trackers)}: add these names to "
+            "it, or choose another set under Markers"
         )

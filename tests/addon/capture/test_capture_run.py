@@ -164,7 +164,7 @@ def test_a_dead_worker_ends_the_capture() -> None:
     run, worker, _ = a_run()
     worker.say(*poses([0]))
     run.tick()
-    worker.failure = CaptureError("ended by itself")
+    worker.failure = CaptureError("ended unexpectedly")
     run.tick()
     assert run.phase is Phase.DONE
     assert run.error is worker.failure
@@ -174,21 +174,21 @@ def test_a_dead_worker_ends_the_capture() -> None:
 def test_a_worker_that_dies_is_replaced_and_the_capture_goes_on() -> None:
     run, worker, _ = a_run()
     worker.may_restart = True
-    worker.failure = CaptureError("ended by itself")
+    worker.failure = CaptureError("ended unexpectedly")
     run.tick()
     assert run.phase is Phase.DONE  # before the first pose it is an error as any other
     run, worker, _ = a_run()
     worker.may_restart = True
     worker.say(*poses([0, 1, 2, 3], stamp=99.5))
     run.tick()
-    worker.failure = CaptureError("ended by itself")
+    worker.failure = CaptureError("ended unexpectedly")
     run.tick()
     assert run.phase is Phase.RUNNING
     ((after, cause),) = worker.restarted
     assert (after.number, after.time_s, after.stamp_s) == (3, 3 / 60, 99.5)
     assert after.period_s == pytest.approx(1 / 60)
-    assert cause == "the solver's process ended by itself"
-    assert run.notice == "the solver's process ended by itself: starting it again"
+    assert cause == "the solver process ended unexpectedly"
+    assert run.notice == "the solver process ended unexpectedly: restarting it"
     worker.say(*poses([60]))
     run.tick()
     assert run.notice == ""
@@ -199,7 +199,7 @@ def test_a_worker_that_dies_is_replaced_and_the_capture_goes_on() -> None:
     assert [pose.number for pose in run.poses] == [0, 1, 2, 3, 60, 61]
     assert worker.taken == 8
     run.stop()
-    worker.failure = CaptureError("ended by itself")
+    worker.failure = CaptureError("ended unexpectedly")
     run.tick()
     assert run.phase is Phase.DONE
     assert len(worker.restarted) == 1

@@ -82,5 +82,5 @@ def test_a_live_character_keeps_the_scale_of_its_bones(tmp_path: Path) -> None:
 def test_what_is_no_character_is_named(tmp_path: Path) -> None:
     page = tmp_path / "a.glb"
     page.write_bytes(b"<!DOCTYPE html><html></html>")
-    with pytest.raises(FormatError, match=r"a.glb: is a web page, no glTF file"):
+    with pytest.raises(FormatError, match=r"a.glb: is a web page, not the expected glTF file"):
         open_file(page)

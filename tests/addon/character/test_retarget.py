@@ -169,11 +169,11 @@ def test_blender_itself_does_it_where_there_is_no_module(
     assert (summary["frames"], summary["found_by"]) == (4, "names")
     assert (tmp_path / "out.glb").read_bytes().startswith(b"glTF")
     args.blender = str(tmp_path / "none")
-    with pytest.raises(CharacterError, match="is not a program"):
+    with pytest.raises(CharacterError, match="is not an executable"):
         args.run(args, lambda fraction, text: None)
     args.blender = None
     monkeypatch.setenv("PERFANIM_BLENDER", str(tmp_path / "of the environment"))
-    with pytest.raises(CharacterError, match="of the environment: is not a program"):
+    with pytest.raises(CharacterError, match="of the environment: is not an executable"):
         args.run(args, lambda fraction, text: None)
 
 

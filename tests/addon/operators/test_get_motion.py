@@ -52,7 +52,7 @@ def test_stop_during_the_download_keeps_what_came_and_changes_nothing(part: Any,
                 running.tick()
                 assert not running.ended and time.monotonic() < limit
                 time.sleep(0.01)
-            assert "getting walks.tar" in running.text
+            assert "downloading walks.tar" in running.text
         finally:
             running.close()  # as the button Stop does
         assert running.ended and running.summary is None

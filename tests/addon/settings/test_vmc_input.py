@@ -72,9 +72,9 @@ def test_trackers_move_the_character_and_a_sender_that_pauses_is_told(part: Any,
     with Program(bpy.context.scene.perfanim_receiving.port) as program:
         try:
             go_on(lambda: "waiting for trackers" in capture.line)
-            go_on(lambda: "nothing comes on port" in capture.run.notice)
+            go_on(lambda: "nothing arrives on port" in capture.run.notice)
             go_on(lambda: len(capture.run.poses) >= 40, range(120))
-            go_on(lambda: "no trackers come any more" in capture.run.persistent_warning)
+            go_on(lambda: "trackers no longer arrive" in capture.run.persistent_warning)
             paused = len(capture.run.poses)
             go_on(lambda: len(capture.run.poses) >= paused + 20, range(60, 180))
             armature = chosen.armature
@@ -104,6 +104,6 @@ def test_trackers_move_the_character_and_a_sender_that_pauses_is_told(part: Any,
     assert len(kept.frames) == len(kept.poses) == len(poses)
     assert kept.setup.camera_rig() is None
     told = " ".join(str(event) for event in kept.events)
-    assert "nothing comes on port" in told
+    assert "nothing arrives on port" in told
     assert "not only bones" not in told  # the first packet after a silence is no sign of that
     assert np.diff([pose.number for pose in poses]).max() > 30  # the pause shows as numbers that are left out

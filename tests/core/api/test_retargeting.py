@@ -37,5 +37,5 @@ def test_scene_that_cannot_be_written_is_refused(truth, asked, tmp_path):
 
 
 def test_missing_blender_is_named(truth, tmp_path):
-    with pytest.raises(perfanim.PerfanimError, match="gone: is not a program"):
+    with pytest.raises(perfanim.PerfanimError, match="gone: is not an executable"):
         perfanim.retarget(truth, tmp_path / "walk.blend", perfanim.RetargetRequest(blender=str(tmp_path / "gone")))

@@ -229,7 +229,7 @@ def test_the_list_is_shown(capsys: pytest.CaptureFixture[str]) -> None:
     ("change", "message"),
     [
         ({"megabytes": "many"}, "collections.toml, walks: megabytes must be a whole number from 1 to 1,000,000 MB"),
-        ({"address": None}, "collections.toml, walks: lacks 'address', a text that is not empty"),
+        ({"address": None}, "collections.toml, walks: lacks 'address', a non-empty string"),
     ],
 )
 def test_a_list_that_does_not_fit_is_refused(tmp_path, monkeypatch, change, message) -> None:

@@ -86,7 +86,7 @@ def test_names_are_given_by_a_file(tmp_path):
         rename_labels(take, {"Knee 1": "LKNE", "x": "LKNE"})
     for text in ("", "[names]\na = 1\n", 'names = "a"', '[names]\na = ""\n'):
         (tmp_path / "names.toml").write_text(text)
-        with pytest.raises(MarkerSetError, match=r"a table \[names\] of names, each with a text that is not empty"):
+        with pytest.raises(MarkerSetError, match=r"a table \[names\] of names, each with a non-empty string"):
             load_names(tmp_path / "names.toml")
 
 

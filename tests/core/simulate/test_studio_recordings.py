@@ -170,7 +170,7 @@ def test_simulated_performer_by_name() -> None:
     for spec, text in (
         ({"behaviour": "swim"}, "swim"),
         ({"speed": 2}, "speed"),
-        ({"behaviour": "run", "style": "x"}, "there is no key 'style'"),
+        ({"behaviour": "run", "style": "x"}, "has an unknown key 'style'"),
     ):
         with pytest.raises(SettingsError, match=text):
             open_simulated(spec)

@@ -161,7 +161,7 @@ def test_toml_keeps_numbers_exactly(tmp_path: Path) -> None:
     write_toml(tmp_path / "a.toml", {"values": values})
     assert read_toml(tmp_path / "a.toml") == {"values": values}
     write_toml(tmp_path / "a.toml", {"values": [1.0, math.inf]})
-    with pytest.raises(FormatError, match="a number of values is not finite"):
+    with pytest.raises(FormatError, match="a number in values is not finite"):
         read_toml(tmp_path / "a.toml")
 
 
@@ -192,7 +192,7 @@ def test_only_regular_files_and_folders_count(tmp_path: Path) -> None:
     with open_foreign(tmp_path / "file") as file:
         assert file.read() == b"12345"
     assert read_bytes(tmp_path / "file", most=5) == b"12345"
-    with pytest.raises(FormatError, match="has 5 bytes, 4 at most"):
+    with pytest.raises(FormatError, match="has 5 bytes, but at most 4 are allowed"):
         read_bytes(tmp_path / "file", most=4)
 
 

@@ -142,7 +142,7 @@ def test_values_made_by_programs_are_held_against_their_ranges(change: dict[str,
         ({"count": 10**400}, "x.toml: count must be a whole number from 0 to 9; mend it"),
         (
             {"count": 1, "spots": [[10**400, 2.5]]},
-            "x.toml: spots must be a list of rows of two numbers from 0 px on; mend it",
+            "x.toml: spots must be a list of rows of two numbers of at least 0 px; mend it",
         ),
         ({"count": 10}, "x.toml: count must be a whole number from 0 to 9; mend it"),
         ({"count": True}, "x.toml: count must be a whole number from 0 to 9; mend it"),
@@ -151,12 +151,15 @@ def test_values_made_by_programs_are_held_against_their_ranges(change: dict[str,
         ({"count": 1, "turn": [1, 2, math.inf]}, "x.toml: turn must be three numbers or 3 x 3 numbers; mend it"),
         ({"count": 1, "turn": ["1", "2", "3"]}, "x.toml: turn must be three numbers or 3 x 3 numbers; mend it"),
         ({"count": 1, "lit": 1}, "x.toml: lit must be true or false; mend it"),
-        ({"count": 1, "also": "ab"}, "x.toml: also must be a list of texts; mend it"),
+        ({"count": 1, "also": "ab"}, "x.toml: also must be a list of strings; mend it"),
         (
             {"count": 1, "spots": [[1, 2, 3]]},
-            "x.toml: spots must be a list of rows of two numbers from 0 px on; mend it",
+            "x.toml: spots must be a list of rows of two numbers of at least 0 px; mend it",
         ),
-        ({"count": 1, "spots": [[-1, 2]]}, "x.toml: spots must be a list of rows of two numbers from 0 px on; mend it"),
+        (
+            {"count": 1, "spots": [[-1, 2]]},
+            "x.toml: spots must be a list of rows of two numbers of at least 0 px; mend it",
+        ),
         ({"count": 1, "point": 5}, "x.toml: point must be a list of tables [[point]]; mend it"),
         ({"count": 1, "main": []}, "x.toml: main must be a table [main]; mend it"),
         (
@@ -171,7 +174,7 @@ def test_values_made_by_programs_are_held_against_their_ranges(change: dict[str,
         *(
             (
                 {"count": 1, "marks": marks},
-                "x.toml: marks must be a table [marks] of names, each with a text that is not empty; mend it",
+                "x.toml: marks must be a table [marks] of names, each with a non-empty string; mend it",
             )
             for marks in ([], "a", {"a": 1}, {"a": ""})
         ),
@@ -181,16 +184,16 @@ def test_values_made_by_programs_are_held_against_their_ranges(change: dict[str,
             f"x.toml, {'a' * 18}...{'a' * 18}: lacks 'place_m', three numbers from -1 to 1 m; mend it",
         ),
         ({"count": 1, "open": [1]}, "x.toml: open must be a list of tables [[open]]; mend it"),
-        ({"count": 1, "main": {}}, "x.toml, main: lacks 'name', a text; mend it"),
+        ({"count": 1, "main": {}}, "x.toml, main: lacks 'name', a string; mend it"),
         ({"count": 1, "mass_kg": 0}, "x.toml: mass_kg must be a number above 0 kg; mend it"),
         ({"count": 1, "colour": "green"}, "x.toml: colour must be one of red, blue; mend it"),
         ({"count": 1, "shape": {"kind": "cone"}}, "x.toml, shape: kind must be one of ball, box; mend it"),
         (
             {"count": 1, "shape": {"kind": "ball", "size": 0}},
-            "x.toml, shape: size must be a whole number from 1 on; mend it",
+            "x.toml, shape: size must be a whole number of at least 1; mend it",
         ),
-        ({"count": 1, "users": [1.5]}, "x.toml: users must be a list of texts or whole numbers; mend it"),
-        ({"count": 1, "also": ["a\0"]}, "x.toml: also must be a list of texts; mend it"),
+        ({"count": 1, "users": [1.5]}, "x.toml: users must be a list of strings or whole numbers; mend it"),
+        ({"count": 1, "also": ["a\0"]}, "x.toml: also must be a list of strings; mend it"),
     ],
 )
 def test_what_does_not_fit_is_named_with_what_it_must_be(tables: dict[str, Any], message: str) -> None:
@@ -210,7 +213,7 @@ def test_the_manual_has_a_row_for_each_key() -> None:
 def test_a_closed_schema_refuses_keys_that_it_does_not_name() -> None:
     closed = Schema(Point, "Thing", "A thing.", PropError, "mend it", closed=True)
     closed.read({"name": "a", "place_m": [0, 0, 0]}, "x.toml")
-    with pytest.raises(PropError, match=r"x\.toml: there is no key 'nmae'; keys: name, place_m"):
+    with pytest.raises(PropError, match=r"x\.toml: has an unknown key 'nmae'; known keys: name, place_m"):
         closed.read({"nmae": "a", "place_m": [0, 0, 0]}, "x.toml")
 
 

@@ -60,7 +60,7 @@ def test_poll_never_waits() -> None:
 def test_a_killed_worker_is_noticed() -> None:
     with worker({"job": "nonsense"}) as client:
         os.kill(client.process_id, getattr(signal, "SIGKILL", signal.SIGTERM))  # Windows has one way only
-        with pytest.raises(CaptureError, match="ended by itself"):
+        with pytest.raises(CaptureError, match="ended unexpectedly"):
             collect(client, lambda m: False)
 
 
@@ -106,7 +106,7 @@ def test_a_program_that_ends_before_it_is_told_what_to_do_is_named_and_gone(
     started: list[Any] = []
     popen = subprocess.Popen
     monkeypatch.setattr(subprocess, "Popen", lambda *a, **k: started.append(popen(*a, **k)) or started[-1])
-    with pytest.raises(CaptureError, match=r"no-python: could not be started \(ended at once.*no such module"):
+    with pytest.raises(CaptureError, match=r"no-python: could not be started \(ended immediately.*no such module"):
         WorkerClient({"job": "nonsense"}, python=str(program))
     assert [process.returncode is not None for process in started] == [True]
 

@@ -112,5 +112,5 @@ def test_a_damaged_stream_is_refused() -> None:
 def test_control_messages_must_be_objects() -> None:
     with pytest.raises(CaptureError, match="not JSON"):
         Message(MessageKind.STATUS, b"\xff{").json()
-    with pytest.raises(CaptureError, match="not an object"):
+    with pytest.raises(CaptureError, match="not a JSON object"):
         Message(MessageKind.STATUS, b"[1]").json()

@@ -83,4 +83,4 @@ def test_what_cannot_be_sent_is_told_once_and_holds_nothing_up(truth, poses):
         for pose in poses:
             sender.send(pose)
         assert len(told) == 1
-        assert told.pop().startswith(f"nothing is sent by VMC: {host}:{port}: cannot be reached")
+        assert told.pop().startswith(f"nothing is sent over VMC: {host}:{port}: cannot be reached")

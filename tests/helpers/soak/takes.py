@@ -86,7 +86,7 @@ def stand_in(request: dict[str, Any]) -> None:
             os.pwrite(count.fileno(), _SEEN.pack(len(run.poses), run._stamp), 0)
             if run.poses and not taken:
                 _say("capturing")
-            is_mending = run.notice.endswith("starting it again")
+            is_mending = run.notice.endswith("restarting it")
             if is_mending and not was_mending:
                 _say(f"{time.perf_counter()} {run.statistics.slowness}")
             if was_mending and not is_mending and len(run.poses) > taken:

@@ -88,17 +88,17 @@ def test_each_reason_why_no_markers_come_is_told_and_that_they_are_back() -> Non
     places = {name: (0.1 * at, 1.0, 0.0) for at, name in enumerate(NAMES)}
     with Running() as job, Program(job.port) as program:
         where = f"on port {job.port} from 127.0.0.1"
-        job.until_told(f"nothing comes {where}: let the other program send")
+        job.until_told(f"nothing arrives {where}: let the other program send")
         job.until_told("is not VMC", lambda: program.send(b"GET / HTTP/1.1"))
         job.until_told("not only bones", lambda: program.send(tracker_packet({"Hips": (0, 1, 0)}, address=BONE)))
-        job.until_told("LHR-7 are no markers of the set", lambda: program.send(tracker_packet({"LHR-7": (0, 1, 0)})))
+        job.until_told("named like the trackers LHR-7", lambda: program.send(tracker_packet({"LHR-7": (0, 1, 0)})))
         assert not job.blender.received
         job.until(lambda: len(job.blender.received) > 5, lambda: program.send(tracker_packet(places)))
-        job.until_told(f"no trackers come any more {where}")
+        job.until_told(f"trackers no longer arrive {where}")
         number = job.blender.received[-1][1].number
         job.until_told("the trackers are back after", lambda: program.send(tracker_packet(places)))
         assert job.blender.told[-2] == ""  # what stood until then
-        job.until_told("no trackers come any more")
+        job.until_told("trackers no longer arrive")
     assert job.blender.told[0] == f"waiting for trackers on port {job.port}"
     assert job.blender.told[5] == ""  # taken back with the first markers
     assert len(job.blender.told) == 10  # each once, not each time that it is looked at
@@ -112,7 +112,7 @@ def test_each_reason_why_no_markers_come_is_told_and_that_they_are_back() -> Non
 
 def test_others_than_the_sender_are_not_listened_to() -> None:
     with Running("192.0.2.7") as job, Program(job.port) as program:
-        job.until_told("but from 127.0.0.1: choose who sends", lambda: program.send(tracker_packet({"A": (0, 1, 0)})))
+        job.until_told("only from 127.0.0.1: choose the sender", lambda: program.send(tracker_packet({"A": (0, 1, 0)})))
         assert not job.blender.received
 
 
@@ -138,7 +138,7 @@ def test_a_port_that_is_taken_and_a_sender_that_is_not_known_are_told() -> None:
 
 def test_a_flood_is_told_once(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(frame_assembler, "LIMITS", FloodLimits(packets=2))
-    told = "too much comes"
+    told = "too many packets arrive"
     with Running() as job, Program(job.port) as program:
         job.until(lambda: any(told in text for text in job.blender.told), lambda: program.send(b"junk"))
         for _ in range(10):
@@ -159,13 +159,13 @@ def test_the_frames_of_a_flood_do_not_pile_up_and_its_end_is_told(monkeypatch: p
                 program.send(tracker_packet({NAMES[0]: (0.1, 1.0, 0.0)}))
                 sent += 1
 
-        job.until(lambda: any("too much comes" in text for text in job.blender.told), send)
+        job.until(lambda: any("too many packets arrive" in text for text in job.blender.told), send)
         for _ in range(200):  # nothing is acknowledged: for more than a second none of these has room
             send()
             time.sleep(0.01)
         assert len(job.blender.received) <= 80
-        job.until(lambda: any("were left out" in text for text in job.blender.told))
-        left_out = sum(int(text.split()[0]) for text in job.blender.told if "were left out" in text)
+        job.until(lambda: any("were dropped" in text for text in job.blender.told))
+        left_out = sum(int(text.split()[0]) for text in job.blender.told if "were dropped" in text)
         assert left_out + len(job.blender.received) == sent
         before = len(job.blender.received)
         program.send(tracker_packet({NAMES[0]: (0.1, 1.0, 0.0)}))
