@@ -172,7 +172,10 @@ CASES: dict[str, list[tuple[str | bytes, str]]] = {
     ],
     "a.xyz": [("x", "is not a marker take")],
     "a.take.npz": [("junk", "is not a marker take")],
-    "a.pfdb": [("junk\n" * 50, "is not a motion database"), ("HIERARCHY\n" * 50, "is a BVH file, not the expected motion database")],
+    "a.pfdb": [
+        ("junk\n" * 50, "is not a motion database"),
+        ("HIERARCHY\n" * 50, "is a BVH file, not the expected motion database"),
+    ],
     "a.perftake": [
         ("", "is empty"),
         ("no take at all, but some words", "is not a recorded take"),

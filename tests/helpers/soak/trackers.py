@@ -130,7 +130,9 @@ def _watch(run: CaptureRun, client: WorkerClient, sender: "subprocess.Popen[byte
         "blender_mb": most_blender_mb - base_blender_mb,
         "waiting": max(waits),
         "tick_ms": 1e3 * max(ticks_s),
-        "reported_s": min((at_s for text, at_s in reports.items() if "too many packets arrive" in text), default=float("inf")),
+        "reported_s": min(
+            (at_s for text, at_s in reports.items() if "too many packets arrive" in text), default=float("inf")
+        ),
         "left_out": sum(_left_out(text) for text in reports),
         "again_s": again_s,
         "reports": [text for text in reports if text],
