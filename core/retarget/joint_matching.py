@@ -17,47 +17,61 @@ _AMBIGUOUS_ROOTS = ("root", "cog", "torso")  # names that may mean the hips, or 
 
 def match_names(tree: BoneTree) -> tuple[dict[str, int], dict[str, bool]]:
     """Return joint -> bone, found by names, and limb ("lleg", ...) -> whether it is complete."""
-    parsed = [parse_bone_name(name) for name in tree.names]
-    depth = [len(tree.line(bone)) for bone in range(len(tree))]
-    used = [bone for bone in range(len(tree)) if not parsed[bone].helper]
-    hips = min(
-        (bone for bone in used if not parsed[bone].side and parsed[bone].words in HIPS_WORDS),
-        key=lambda bone: (HIPS_WORDS.index(parsed[bone].words), depth[bone]),
-        default=-1,
-    )
-    below = [hips < 0 or tree.is_above(tree.line(hips)[-1], bone) for bone in range(len(tree))]
-
-    def first(words: Sequence[str], side: str, taken: set[int]) -> int:
-        candidates = [b for b in used if parsed[b].side == side and parsed[b].words in words and b not in taken]
-        # a joint above one with the same name is its socket (LHipJoint above LeftHip) and does not turn
-        above = {b: int(tree.parents[b]) for b in candidates if tree.parents[b] >= 0}
-        sockets = {parent for b, parent in above.items() if parsed[parent] == parsed[b]}
-        candidates = [b for b in candidates if b not in sockets]
-        return min(
-            candidates,
-            key=lambda b: (words.index(parsed[b].words), not below[b], depth[b], parsed[b].numbers, b),
-            default=-1,
-        )
-
-    found: dict[str, int] = {} if hips < 0 else {"root": hips}
+    named = _NamedBones(tree)
+    found: dict[str, int] = {} if named.hips < 0 else {"root": named.hips}
     complete = {}
     for side in "lr":
-        taken: set[int] = set()
-        limb: dict[str, int] = {}
-        for joint, words in LIMB_WORDS.items():
-            bone = first(words, side, taken)
-            if bone >= 0 and not (joint == "wrist" and first(("hand",), side, taken) < 0):
-                limb[joint] = bone
-                taken.add(bone)
-        if "humerus" not in limb and "clavicle" in limb:  # the only bone called shoulder
-            limb["humerus"] = limb.pop("clavicle")
-        limb |= _numbered_fingers(tree, side)
+        limb = _limbs(named, side) | _numbered_fingers(tree, side)
         for name, chain in _LIMBS.items():
             given = all(joint in limb for joint in chain)
             complete[side + name] = given and all(tree.is_above(limb[a], limb[b]) for a, b in pairwise(chain))
         found |= {side + joint: bone for joint, bone in limb.items()}
-    head = first(HEAD_WORDS, "", set())
+    head = named.first(HEAD_WORDS, "", set())
     return found | ({"head": head} if head >= 0 else {}), complete
+
+
+class _NamedBones:
+    """The bones of a tree by the words in their names."""
+
+    def __init__(self, tree: BoneTree) -> None:
+        self._tree = tree
+        self._parsed = parsed = [parse_bone_name(name) for name in tree.names]
+        self._depth = [len(tree.line(bone)) for bone in range(len(tree))]
+        self._used = [bone for bone in range(len(tree)) if not parsed[bone].helper]
+        self.hips = min(
+            (bone for bone in self._used if not parsed[bone].side and parsed[bone].words in HIPS_WORDS),
+            key=lambda bone: (HIPS_WORDS.index(parsed[bone].words), self._depth[bone]),
+            default=-1,
+        )
+        top = tree.line(self.hips)[-1] if self.hips >= 0 else -1
+        self._below = [self.hips < 0 or tree.is_above(top, bone) for bone in range(len(tree))]
+
+    def first(self, words: Sequence[str], side: str, taken: set[int]) -> int:
+        """Return the likeliest bone of a side that has one of the words as its name and is not taken; -1 for none."""
+        parsed, parents = self._parsed, self._tree.parents
+        candidates = [b for b in self._used if parsed[b].side == side and parsed[b].words in words and b not in taken]
+        # a joint above one with the same name is its socket (LHipJoint above LeftHip) and does not turn
+        above = {b: int(parents[b]) for b in candidates if parents[b] >= 0}
+        sockets = {parent for b, parent in above.items() if parsed[parent] == parsed[b]}
+        return min(
+            (b for b in candidates if b not in sockets),
+            key=lambda b: (words.index(parsed[b].words), not self._below[b], self._depth[b], parsed[b].numbers, b),
+            default=-1,
+        )
+
+
+def _limbs(named: _NamedBones, side: str) -> dict[str, int]:
+    """Return joint -> bone of the limbs of one side."""
+    taken: set[int] = set()
+    limb: dict[str, int] = {}
+    for joint, words in LIMB_WORDS.items():
+        bone = named.first(words, side, taken)
+        if bone >= 0 and not (joint == "wrist" and named.first(("hand",), side, taken) < 0):
+            limb[joint] = bone
+            taken.add(bone)
+    if "humerus" not in limb and "clavicle" in limb:  # the only bone called shoulder
+        limb["humerus"] = limb.pop("clavicle")
+    return limb
 
 
 def _numbered_fingers(tree: BoneTree, side: str) -> dict[str, int]:

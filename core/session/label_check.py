@@ -187,6 +187,17 @@ class LabelCheck:
         self._compared = np.isfinite(self._current_m[:, 0])
         if not others or (most < 0.0 and not is_found):
             return None
+        return self._chosen(search, others, suspect, time_s)
+
+    def _chosen(
+        self, search: LabelSearch, others: Mapping[Renaming, tuple[IntArray, float, bool]], suspect: bool, time_s: float
+    ) -> Alternative | None:
+        """Return the alternative with the most evidence, if it is to replace the labels or to be tried.
+
+        Args:
+            others: Labels (N,), gain, and whether they contradict confident tracking, of each alternative.
+        """
+        gains = {renaming: gain for renaming, (_, gain, _) in others.items()}
         best = max(gains, key=lambda other: (self._evidence[other], gains[other]))
         # a label for another point is not evidence for relabelling the rest
         added = [renaming for renaming in gains if self._only_adds(renaming)]

@@ -100,7 +100,6 @@ def _motive(rows: list[list[str]], where: str) -> MarkerTake:
 
 
 def _plain(rows: list[list[str]], where: str) -> MarkerTake:
-    comments = [",".join(row) for row in rows if row and row[0].startswith("#")]
     head = next((i for i, row in enumerate(rows) if any(cell.strip() for cell in row) and row[0][:1] != "#"), None)
     if head is None:
         raise FormatError("is empty", where=where)
@@ -115,16 +114,12 @@ def _plain(rows: list[list[str]], where: str) -> MarkerTake:
         )  # fmt: skip
     number, clock = (_first_place(pattern, header) for pattern in (_NUMBER, _CLOCK))
     used = {number, clock, *(start + axis for start in names for axis in range(3))}
-    if clock is not None:
-        rows = [
-            [*row[:clock], _date_seconds(row[clock]), *row[clock + 1 :]] if len(row) > clock else row for row in rows
-        ]
+    rows = rows if clock is None else _with_seconds(rows, clock)
     table = _table(rows, head + 1, len(header), where, used)
     frames = None if number is None else table[:, number]
     times = None if clock is None else _seconds(table[:, clock], header[clock])
     positions = table[:, np.array(list(names))[:, None] + np.arange(3)]
-    stated = re.search(r"fps\s*=\s*([0-9.eE+-]+)", "\n".join(comments))
-    fps = numbers_of([stated[1]], where)[0] if stated else float("nan")
+    fps = _stated_fps(rows, where)
     is_timed = fps > 0.0 or (times is not None and bool(np.all(np.isfinite(times))))
     if (not is_timed or _BY_CAMERA in header) and are_keypoints(list(names.values())):
         return keypoint_take(where, list(names.values()), positions, fps, frames, times)
@@ -173,6 +168,18 @@ def _long(rows: list[list[str]], head: int, header: list[str], where: str) -> Ma
 def _cell(row: list[str], place: int | None) -> str:
     """Return a field of a row, or "" beyond its end."""
     return row[place].strip() if place is not None and place < len(row) else ""
+
+
+def _stated_fps(rows: list[list[str]], where: str) -> float:
+    """Return the rate in a comment line, or NaN."""
+    comments = "\n".join(",".join(row) for row in rows if row and row[0].startswith("#"))
+    stated = re.search(r"fps\s*=\s*([0-9.eE+-]+)", comments)
+    return numbers_of([stated[1]], where)[0] if stated else float("nan")
+
+
+def _with_seconds(rows: list[list[str]], clock: int) -> list[list[str]]:
+    """Return the rows with the dates of a column in seconds."""
+    return [[*row[:clock], _date_seconds(row[clock]), *row[clock + 1 :]] if len(row) > clock else row for row in rows]
 
 
 def _date_seconds(cell: str) -> str:
