@@ -18,13 +18,14 @@ from ..markers.marker_take import MarkerTake
 class HumanSizeSettings:
     """Settings of the check and of the height."""
 
-    fewest_pairs: int = 4  # fewest distances on limbs that show the body's height
-    # median deviation of their log ratios to the default body's from which they contradict each other: 0.23 at most in
-    # takes of eight systems, 0.55 where a hand has the elbow's label
+    fewest_pairs: int = 4  # fewest distances on limbs that determine the body's height
+    # median deviation of the log ratios of these distances to the default body's, above which they contradict each
+    # other: at most 0.23 in takes of eight systems, 0.55 where a hand has the elbow's label
     contradiction: float = 0.35
-    shortest_pair_m: float = 0.2  # shortest usual distance that does
-    largest: float = 95.0  # percentile of distances that is the largest one
-    standing_range: float = 0.16  # largest log ratio to the default height of a performer who stands in the take
+    shortest_pair_m: float = 0.2  # shortest usual distance that counts
+    largest: float = 95.0  # percentile of the distances that is taken as the largest
+    # largest log ratio of a performer's height to the default; a larger one means that the performer seems to sit
+    standing_range: float = 0.16
     samples: int = 200  # largest number of frames that are checked
     same_unit: float = 1.6  # largest ratio to the default size after a change of unit for which the unit is blamed
 
@@ -48,7 +49,8 @@ _MISTAKES = {
 def check_human_size(take: MarkerTake, marker_set: MarkerSet) -> None:
     """Raise TakeError for a take in which the body does not have a human size.
 
-    The torso hardly bends, so the distances between its markers give the size. Takes with fewer than two of them pass.
+    The torso hardly bends, so the distances between its markers give the size. Takes with fewer than two torso
+    markers pass.
 
     Args:
         take: Take with the marker names of the set.
@@ -72,14 +74,14 @@ def check_human_size(take: MarkerTake, marker_set: MarkerSet) -> None:
 
 
 def likely_height_m(take: MarkerTake, marker_set: MarkerSet) -> float:
-    """Return the performer's height by the distances of markers.
+    """Return the performer's height, estimated from distances between markers.
 
-    Those on the same or neighbouring bones of the limbs hardly depend on the pose. If too few are known, or they
-    contradict each other because labels are wrong, the feet's largest distances from torso and head tell it, unless the
-    performer seems to sit; otherwise it is the default.
+    Distances on the same or on neighbouring bones of the limbs hardly depend on the pose. If too few are known, or if
+    they contradict each other because labels are wrong, the largest distances of the feet from torso and head are used
+    instead; if the performer then seems to sit, the height is the default.
 
     Args:
-        take: Take under the names of the set.
+        take: Take with the marker names of the set.
     """
     worn = _worn(take, marker_set)
     own = np.array([JOINT_NAMES.index(marker.joint) for marker in worn], dtype=np.int64)
@@ -114,7 +116,7 @@ def _worn(take: MarkerTake, marker_set: MarkerSet) -> list[Marker]:
 
 
 def _distances(take: MarkerTake, marker_set: MarkerSet, worn: Sequence[Marker]) -> tuple[Array, Array, Array]:
-    """Return median and largest distances of each two markers, NaN if never seen together, and the default body's."""
+    """Return each pair's median and largest distance, NaN if never seen together, and that on the default body."""
     skeleton, first, second = default_skeleton(), *np.triu_indices(len(worn), 1)
     found = np.full((2, len(first)), np.nan)
     if not len(first):

@@ -1,8 +1,8 @@
 """Labelling points without history: at the start, and after the body was lost.
 
-Torso markers keep their distances from each other in every pose, so the few choices of points for the torso are
-enumerated. Each one places the root. In its frame every pair of limb markers is compared with poses in the database:
-the arms and the legs may each be known, even if never seen together.
+The distances between torso markers hardly change with the pose, so the few possible choices of points for the torso can
+be enumerated. Each choice places the root. In the root's frame every pair of limb markers is compared with poses in the
+database, because arms and legs may each be in known poses that never occur together.
 """
 
 from dataclasses import dataclass
@@ -284,7 +284,7 @@ def _cheapest(pairs: FloatArray, candidates: IntArray) -> tuple[IntArray, Array]
     for limb in range(limbs):
         own = np.column_stack((candidates[:, limb], np.full(placements, -1)))
         cost = costs[:, :, None] + pairs[every, np.arange(limb), chosen, limb].sum(axis=2) / max(limbs - 1, 1)
-        # if a limb is hidden, a point is left unlabelled
+        # a hidden limb also leaves a point unlabelled
         cost[:, :, none] += _S.missed_limb_cost + _S.ghost_cost
         taken = np.any(rows[:, :, None] == own[:, None, :, None], axis=3) | (own < 0)[:, None]
         cost[:, :, :none][taken[:, :, :none]] = np.inf

@@ -255,7 +255,7 @@ class Labeller:
         tracks.positions_m[markers] = points
 
     def _update_confidence(self, points_m: Array, labels: IntArray, elapsed_s: float) -> None:
-        """Withdraw the confidence in markers that jumped, met others or were hidden."""
+        """Withdraw the confidence in markers that jumped, came close to others or were hidden."""
         tracks, points = self._tracks, np.flatnonzero(labels >= 0)
         markers = labels[points]
         hidden_s = tracks.hidden_s + elapsed_s

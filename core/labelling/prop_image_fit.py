@@ -54,10 +54,10 @@ class PropImages:
         self._focal_px = np.array([camera.focal_px for camera in cameras])
 
     def nearest(self, placed: Placed, limits_px: float | Array) -> IntArray:
-        """Return the blob (M, C) of each marker if each is nearest to the other, else -1.
+        """Return each marker's blob (M, C) in each image if the two are nearest to each other, else -1.
 
         Args:
-            limits_px: Largest distance, one for all or (C, 1).
+            limits_px: Largest distance, for all images or for each (C, 1).
         """
         world = transform(placed.turn, placed.shift, self._markers)
         result = np.full((len(world), len(self._cameras)), -1, dtype=np.int64)

@@ -1,7 +1,8 @@
 """Tracking one prop from frame to frame, with a search when it is lost.
 
-The distances on a prop are exact to millimetres, so few points can be its markers. Placed on such points, it must
-explain the blobs of each camera, including single ones. A tracked prop starts at its expected pose instead.
+The distances on a prop are exact to millimetres, so few points can be its markers. A prop placed on such points must
+explain the blobs of each camera, including those that only one camera sees. A tracked prop starts at its expected pose
+instead.
 """
 
 from collections.abc import Sequence

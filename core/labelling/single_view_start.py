@@ -1,8 +1,8 @@
 """Initial labelling of the blobs of a single camera, from a known pose.
 
 The performer stands in a calibration pose in front of the camera and the body is known, so assigning two blobs to two
-markers determines its distance. The best of all such placements is refined by turns: assign the blobs, fit the body to
-their rays. Later labels follow from the last pose, as with several cameras.
+markers determines its distance. The best of all such placements is refined by alternately assigning the blobs and
+fitting the body to their rays. Later labels follow from the last pose, as with several cameras.
 """
 
 from collections.abc import Sequence
@@ -25,16 +25,15 @@ class SingleViewStartSettings:
     pairs: int = 4  # number of marker pairs, the farthest apart, to which two blobs are assigned
     nearest_m: float = 0.8  # smallest and largest distance of the performer from the camera
     farthest_m: float = 10.0
-    bent: float = 0.25  # deviation of two blobs from the direction of their markers, relative to the distance
+    bent: float = 0.25  # largest deviation of two blobs from their markers' direction, relative to the distance
     gate_m: float = 0.25  # largest distance of a blob from its marker in the first round
-    narrowing: float = (
-        0.8  # factor of the gate per round, down to `missed_m`, so that hidden markers lose others' blobs
-    )
+    # factor of the gate per round, down to `missed_m`, so that hidden markers lose others' blobs
+    narrowing: float = 0.8
     missed_m: float = 0.10  # distance that a marker without a blob counts as
     refined: int = 2  # number of placements of each pose and heading that are refined
     closest: int = 12  # number of examples near the body's position that are refined
     rounds: int = 10  # assignments in one refinement
-    tilt_sigma_rad: float = 0.1  # standard deviation of a standing person from upright
+    tilt_sigma_rad: float = 0.1  # standard deviation of a standing person's lean from upright
     sigma_m: float = 0.03  # standard deviation of markers from the pose, which no one holds exactly
     fewest_found: float = 0.7  # share of the markers that must be found
     farthest_rms_m: float = 0.07  # largest RMS distance of the markers found
@@ -153,7 +152,7 @@ def _refine(points: Array, local: Array, up: Array) -> tuple[float, IntArray, Ar
 def _fit_to_rays(points: Array, markers: IntArray, start: Array, pose: Array, up: Array) -> tuple[Array, Array]:
     """Fit the body to its markers' rays by Gauss-Newton; return it and its change of pose (turn, shift).
 
-    It turns about its centre. A prior keeps it upright (`up` in the camera's frame).
+    The body turns about its centre. A prior keeps it upright (`up` in the camera's frame).
     """
     middle = start.mean(axis=0)
     sigma_tilt = (np.eye(3) - np.outer(up, up)) / _S.tilt_sigma_rad

@@ -19,7 +19,7 @@ class TemplateSettings:
 
     gate_m: float = 0.30  # largest distance of a point from its template marker
     scales: tuple[float, float] = (0.8, 1.25)  # size of bodies relative to the template
-    pair_tolerance: float = 0.3  # relative difference between the distances of a pair of points and of its markers
+    pair_tolerance: float = 0.3  # largest relative difference between two points' distance and that of their markers
     pairs: int = 6  # pairs of template markers tried, the most distant ones
     refined: int = 60  # rough placements that are refined
     rounds: int = 8  # assignments of one refinement

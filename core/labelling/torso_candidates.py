@@ -1,4 +1,4 @@
-"""Candidate points for the torso markers, which keep their distances from each other."""
+"""Candidate points for the torso markers, whose distances from each other hardly change."""
 
 from collections.abc import Generator, Mapping
 from dataclasses import dataclass
@@ -70,7 +70,7 @@ class TorsoCandidates:
         return chosen[np.argsort(cost, kind="stable")]
 
     def _span_costs(self, points_m: Array) -> Search[Mapping[tuple[int, int], FloatArray]]:
-        """Return for each pair of markers the costs (N + 1, N) of two points; the last row: first marker hidden."""
+        """Return for each pair of markers the costs (N + 1, N) of two points; last row: first marker hidden."""
         points = len(points_m)
         norms = np.einsum("nc,nc->n", points_m, points_m)
         squares = norms[:, None] + norms - 2.0 * (points_m @ points_m.T)

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.spatial.distance import cdist
 
-from ..errors import TakeError
+from ..errors import TakeError, counted
 from ..geometry.arrays import Array, IntArray
 from ..geometry.gated_assignment import assign
 from ..markers.marker_frame import MarkerFrame
@@ -19,13 +19,13 @@ from ..markers.marker_take import MarkerTake
 
 @dataclass(frozen=True)
 class LinkSettings:
-    """Settings of `track_markers`, tuned on simulated and filmed takes; costs are squared standard deviations."""
+    """Settings of `track_markers`, tuned on simulated and recorded takes; costs are squared standard deviations."""
 
     gate_m: float = 0.05  # largest distance between the expected position of a marker at rest and its point
     fastest_m_s: float = 3.0  # growth of this gate with the time between frames; also the fastest walk
     widest_gate_m: float = 0.35
     young_gate: float = 0.6  # share of the gate for a tracklet that may be a ghost
-    ghost_frames: int = 3  # largest length at which it may be a ghost
+    ghost_frames: int = 3  # length up to which it may be a ghost
     bridge_frames: int = 2  # number of frames that a tracklet can miss
     slow_rate_s: float = 0.08  # time between frames above which velocities say little and the common shift is used
     slow_rounds: int = 3  # assignments with a corrected common shift
@@ -220,7 +220,7 @@ class _Linker:
         return float(np.sum(np.nan_to_num(deviation) * weight) / weight.sum())
 
     def _gap_cost(self, where: IntArray, own: Array, marker: int) -> float:
-        """Return the mean squared distance, in sigmas, to the marker before and after."""
+        """Return the mean squared distance, in sigmas, to the marker's positions before and after."""
         known = np.flatnonzero(np.isfinite(self.positions[:, marker, 0]))
         axis, costs = self._depth_axes[where[0]], []
         before, after = known[known < where[0]], known[known > where[-1]]
@@ -281,7 +281,7 @@ def _seed_frame(alive: Sequence[Sequence[Tracklet]], worn: int) -> int:
     ]
     if max(scores, default=-1) < 0:
         raise TakeError(
-            f"at most {max(map(len, alive), default=0)} of {worn} markers are located at once",
+            f"no frame locates more than {max(map(len, alive), default=0)} of {counted(worn, 'marker')}",
             advice="check that both cameras see the markers, or give the right marker set",
         )
     return int(np.argmax(scores))

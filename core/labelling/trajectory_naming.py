@@ -7,7 +7,7 @@ from scipy.optimize import linear_sum_assignment
 
 from ..body.calibration_poses import standing, t_pose
 from ..body.standard_skeleton import default_skeleton
-from ..errors import TakeError
+from ..errors import TakeError, counted
 from ..geometry.arrays import Array, IntArray
 from ..markers.marker_set import MarkerSet
 from ..markers.marker_take import MarkerTake
@@ -38,7 +38,7 @@ def name_trajectories(take: MarkerTake, marker_set: MarkerSet) -> MarkerTake:
     count = len(marker_set)
     if len(take.names) != count:
         raise TakeError(
-            f"has {len(take.names)} markers, but the marker set {marker_set.name} has {count}",
+            f"has {counted(len(take.names), 'marker')}, but the marker set {marker_set.name} has {count}",
             where=take.name,
             advice="choose the marker set that was worn",
         )
@@ -59,7 +59,7 @@ def name_trajectories(take: MarkerTake, marker_set: MarkerSet) -> MarkerTake:
 
 
 def misfit_of_names_m(take: MarkerTake, marker_set: MarkerSet) -> float:
-    """Return the median over frames of the RMS distance between a take's markers and a body's of any size.
+    """Return the median over frames of the RMS distance between a take's markers and the set's on a body scaled to fit.
 
     The body stands or holds the T pose, whichever is nearer.
     """

@@ -21,7 +21,7 @@ class ExchangeSettings:
 
     jump_m: float = 0.03  # smallest miss that each trajectory must have at some seam
     jump_sigmas: float = 4.0  # the same in standard deviations
-    possible: float = 6.0  # evidence from which a seam is a candidate, nats
+    possible: float = 6.0  # evidence from which on a seam is a candidate, nats
     possible_in_gap: float = -3.0  # the same in a gap, where exchanges are more frequent than the evidence shows
     gap: int = 3  # shortest step between common positions that counts as a gap, frames
     change: float = 9.0  # cost of each end of an exchange, nats
@@ -66,7 +66,7 @@ def undo_exchanges(times_s: Array, points_m: Array, neighbours: Mask) -> tuple[A
 
 
 def put_back(points_m: Array, exchanges: Sequence[Exchange]) -> Array:
-    """Return trajectories (F, M, 3) with exchanged labels put back, one after another."""
+    """Return trajectories (F, M, 3) with exchanges undone, one after another."""
     points_m = points_m.copy()
     for each in exchanges:
         rows = slice(each.first, each.last + 1)
@@ -178,7 +178,8 @@ class _Search:
     def _possible_seams(self, a: int, b: int, seen: Mask, rows: IntArray) -> IntArray:
         """Return the seams between common frames (rows) at which an exchange can be more likely than no exchange.
 
-        Between successive frames either one marker misses by half their distance, or neither comes nearer to the other.
+        Between successive frames, this needs a miss of more than half the distance between the two markers: otherwise
+        both are closer to their own continuation.
         """
         own, other = self._courses[a], self._courses[b]
         apart_m2 = _squares(own.come_m - other.come_m)
@@ -267,7 +268,11 @@ class RigidDistances:
         return order[np.isfinite(sigmas[order])]
 
     def cost_of_exchange(self, paths: Sequence[Array], a: int, b: int) -> Array:
-        """Return how much worse (F,), nats, the distances get if two markers are exchanged in paths (F, 3) of all."""
+        """Return how much less likely (F,), nats, the distances get if two markers are exchanged.
+
+        Args:
+            paths: Positions (F, 3) of each marker.
+        """
         total = np.zeros(len(paths[a]))
         for marker, other in ((a, b), (b, a)):
             for partner in self.partners(marker, other):

@@ -1,8 +1,8 @@
-"""Labels of left and right that are exchanged in a whole take, found by the shape of the body.
+"""Left and right labels that are exchanged in a whole take, found by the shape of the body.
 
-A body with the labels of its sides exchanged is the mirror image of a body. Groups of markers that keep their places
-well enough, trunk and head, hips and legs, are laid onto a standing body and onto its mirror image, whatever way the
-performer faces or walks. A mirrored recording cannot be told from exchanged labels.
+A body with the labels of its sides exchanged is the mirror image of a body. Groups of markers that are rigid
+enough (trunk and head; hips and legs) are fitted to a standing body and to its mirror image, whichever way the
+performer faces or walks. A mirrored recording cannot be told apart from exchanged labels.
 """
 
 from collections.abc import Sequence
@@ -21,14 +21,14 @@ from .marker_set import Marker
 class SideSettings:
     """Settings of `exchanged_sides`.
 
-    Chosen on the CMU subjects 05, 14, 127, 135 and eight marker sets: in clean takes the evidence is -0.22 at least.
+    Chosen on the CMU subjects 05, 14, 127, 135 and eight marker sets: in clean takes the evidence is at most -0.22.
     """
 
     samples: int = 600  # largest number of frames that are checked
-    fewest: int = 4  # fewest markers of a group: three fit their mirror image as well
-    skin_m: float = 0.02  # distance of markers from their usual places that says nothing
+    fewest: int = 4  # fewest markers of a group: three fit their mirror image just as well
+    skin_m: float = 0.02  # distance of markers from their usual places that is not evidence
     evidence: float = 0.3  # smallest mean log ratio of misfits, summed over groups, that shows an exchange
-    against: float = 0.1  # largest such evidence of one group against it
+    against: float = 0.1  # largest evidence of any one group against an exchange
 
 
 _S = SideSettings()
@@ -39,12 +39,12 @@ _GROUPS = (
 
 
 def exchanged_sides(points_m: Array, markers: Sequence[Marker], skeleton: Skeleton) -> list[tuple[int, int]]:
-    """Return the pairs of markers of both sides if they have each other's labels in the whole take, otherwise none.
+    """Return the pairs of left and right markers if these have each other's labels in the whole take, otherwise none.
 
     Args:
         points_m: Trajectories (F, M, 3), NaN where hidden.
         markers: Markers of the trajectories.
-        skeleton: The performer's.
+        skeleton: The performer's skeleton.
     """
     places_m, partners = places_standing(markers, skeleton), _partners(markers)
     frames = np.unique(np.linspace(0, len(points_m) - 1, _S.samples).astype(int))
@@ -68,6 +68,6 @@ def exchanged_sides(points_m: Array, markers: Sequence[Marker], skeleton: Skelet
 
 
 def _partners(markers: Sequence[Marker]) -> IntArray:
-    """Return the marker (M,) of the other side for each marker, itself where there is none."""
+    """Return the marker (M,) of the other side for each marker, or the marker itself if there is none."""
     other, itself = other_sides(markers), np.arange(len(markers))
     return np.where((other >= 0) & (other[other] == itself), other, itself)

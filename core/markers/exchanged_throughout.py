@@ -19,7 +19,7 @@ from .marker_set import Marker
 
 @dataclass(frozen=True)
 class ThroughoutSettings:
-    """Settings of `exchanged_throughout`; chosen on suits of many vendors."""
+    """Settings of `exchanged_throughout`; chosen on marker sets of many vendors."""
 
     nearer_usual_m: float = 0.03  # smallest decrease of the summed difference from the usual distances to others
     nearer_other_m: float = 0.08  # the same for the other limb, on which markers are worn symmetrically
@@ -63,7 +63,7 @@ def exchanged_throughout(
 
 
 def _gain(apart_m: Array, expected_m: Array, marker: int, instead: int, near: Mask) -> float:
-    """Return how much closer distances get to those expected of a marker if its label belongs to another one."""
+    """Return how much closer a marker's distances come to the expected ones if its label belongs to another marker."""
     expected = expected_m[marker, near]
     return float(np.nansum(np.abs(apart_m[marker, near] - expected) - np.abs(apart_m[instead, near] - expected)))
 

@@ -61,10 +61,11 @@ def smooth_poses(clock: Clock, rotations: Array, root_positions_m: Array, cutoff
 
 
 def smooth_on_body(take: MarkerTake, marker_set: MarkerSet, motion: Motion, cutoff_hz: float) -> MarkerTake:
-    """Reduce the noise of a set's markers with the help of the solved body.
+    """Reduce the noise of a set's markers using the solved body.
 
     All markers together and the database's poses average out the noise of the body's pose. A marker's position in the
-    frame of its joint is filtered far below the motion, and its trajectory as carried by the joint as in `smooth_take`.
+    frame of its joint is filtered with a much lower cut-off than motion needs; its trajectory, as the joint
+    then carries it, is filtered as in `smooth_take`.
 
     Args:
         take: Take with the set's marker names; other markers are unchanged.
@@ -87,12 +88,12 @@ def smooth_on_body(take: MarkerTake, marker_set: MarkerSet, motion: Motion, cuto
 
 
 def _low_pass(cutoff_hz: float, fps: float, name: str) -> Array | None:
-    """Return weights (2, 3) of a Butterworth filter's inputs and outputs, newest first; None if it would pass all."""
+    """Return weights (2, 3) of a Butterworth filter's inputs and outputs, newest first; None to pass everything."""
     if not 0.0 < cutoff_hz < 0.5 * fps:
         raise SettingsError(
             f"smoothing at {cutoff_hz:g} Hz is out of range",
             where=name,
-            advice=f"give more than 0 and less than half the frame rate, {0.5 * fps:.3g} Hz",
+            advice=f"give a frequency above 0 and below half the frame rate, {0.5 * fps:.3g} Hz",
         )
     # two passes narrow the band, so each gets a cut-off that is higher by the same factor
     single_pass = cutoff_hz / (np.sqrt(2.0) - 1.0) ** (0.5 / _ORDER)

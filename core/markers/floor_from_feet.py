@@ -1,4 +1,4 @@
-"""Floor of a recording found from standing feet, for captures without a board on the floor."""
+"""Floor of a recording found from planted feet, for captures without a board on the floor."""
 
 import math
 from collections.abc import Callable
@@ -28,15 +28,15 @@ class FloorSettings:
 
     sole_m: float = 0.02  # height of a standing foot's lowest joint above the floor
     smoothing_hz: float = 5.0  # cut-off of the trajectories
-    still_m_s: float = 0.25  # speed below which a foot's marker rests
-    low_m: float = 0.04  # height above the marker's lowest position within a second, below which it rests
-    fewest_s: float = 0.5  # shortest rest of one foot that shows where the floor is
+    still_m_s: float = 0.25  # speed below which a foot's marker is at rest
+    low_m: float = 0.04  # the same for its height above its lowest position within a second
+    fewest_s: float = 0.5  # shortest rest, summed over the markers, that shows where the floor is
     lean_rad: float = math.radians(3.0)  # standard deviation of a performer's mean lean from upright
     height_sigma_m: float = 0.01  # standard deviation of a resting marker's height
-    frames_per_stand: float = 10.0  # number of frames that repeat each other's errors
+    frames_per_stand: float = 10.0  # number of frames whose errors are the same
     trimmed: float = 3.0  # deviation of the height, in median deviations, above which a frame is an outlier
     trim_rounds: int = 5
-    fewest: int = 4  # fewest markers of a frame that tell the vertical
+    fewest: int = 4  # fewest markers of a frame that determine the vertical
     upright_samples: int = 60  # number of frames used to find the vertical
 
 
@@ -47,7 +47,7 @@ def floor_points(take: MarkerTake, marker_set: MarkerSet, pose: Callable[[Skelet
     """Return four points (4, 3) of the floor, around the area where the performer moved.
 
     Resting foot markers are as high above the floor as on a standing person. A plane is fitted to them; the performer's
-    mean vertical is its prior, in case the feet stood nearly on a line.
+    mean vertical is its prior, in case the feet were planted nearly on a line.
 
     Args:
         take: Labelled take in any world, in which the performer stands or walks.
@@ -55,7 +55,7 @@ def floor_points(take: MarkerTake, marker_set: MarkerSet, pose: Callable[[Skelet
         pose: Usual pose of the performer, who is upright on average.
 
     Raises:
-        TakeError: There are no markers on the feet, or the feet never rest.
+        TakeError: There are no markers on the feet, or no foot stays planted long enough.
         MarkerSetError: The set has no offsets.
     """
     skeleton = default_skeleton()
@@ -64,7 +64,7 @@ def floor_points(take: MarkerTake, marker_set: MarkerSet, pose: Callable[[Skelet
     stands = _stance_points(calm, marker_set, skeleton, upright)
     if len(stands) < _S.fewest_s * take.fps:
         raise TakeError(
-            "no foot stands long enough to find the floor", where=take.name, advice="lay the board on the floor"
+            "no foot stays planted long enough to find the floor", where=take.name, advice="lay the board on the floor"
         )
     return _plane(stands, upright)
 
@@ -102,7 +102,7 @@ def _columns(take: MarkerTake, marker_set: MarkerSet) -> list[int]:
 
 
 def _stance_points(take: MarkerTake, marker_set: MarkerSet, skeleton: Skeleton, upright: Array) -> Array:
-    """Return floor points (N, 3) in the level frame, below markers of resting feet."""
+    """Return floor points (N, 3) in the level frame, below the markers of planted feet."""
     columns, radius = _columns(take, marker_set), round(take.fps)
     heights, times_s = _usual_heights(marker_set, skeleton), frame_times(take)
     found = []

@@ -135,9 +135,8 @@ class _Filler:
         hidden_s, span_s = self._hidden_s()
         spline = CubicSpline(self._times_s[rows], self._path[rows], axis=0)(hidden_s)
         own = np.square(self.drift_m) + _S.earlier_gaps * usual_drift_m**2
-        drift = np.sqrt(
-            0.5 * own / (1.0 + _S.earlier_gaps)
-        )  # the difference of two positions has twice the variance of one
+        # the difference of two positions has twice the variance of one
+        drift = np.sqrt(0.5 * own / (1.0 + _S.earlier_gaps))
         share = (hidden_s - span_s[0]) / (span_s[1] - span_s[0])
         from_end_s = np.minimum(hidden_s - span_s[0], span_s[1] - hidden_s)
         body_error = drift * (1.0 - np.exp(-from_end_s / _S.leaving_s)) + _S.least_error_m
@@ -169,7 +168,7 @@ class _Filler:
         return np.asarray(self._joint[rows] + rot.rotate(self._turn[rows], places))
 
     def _tried_m(self) -> float | None:
-        """Return the RMS error of splines over gaps of this length placed in visible frames, or None if none fits."""
+        """Return the RMS error of splines over artificial gaps of this length, or None if there is no room for one."""
         count, beside = self._gap.frames, _shoulder(self._fps)
         length = count + 2 * beside
         whole = np.convolve(self._seen, np.ones(length, dtype=int), mode="valid") == length

@@ -1,10 +1,10 @@
-"""Doubt about labelled markers that jump: a single wild point moves nothing, and exchanged labels are put back.
+"""Doubt about labelled markers that jump: a single wild point moves nothing, and exchanged labels are corrected.
 
-What a marker may do in a frame follows from its own motion. A position that this motion makes less likely than a wild
-point is treated as hidden for one frame. If the marker is still elsewhere in the next one, it is believed: its label or
-its place on the body has changed, or it has moved faster than its motion promised. When most markers jump, this is
-another shot or another person, which is believed at once. Markers that jump to where others are expected have exchanged
-labels; these are put back, for half a second at most: labels that stay are believed.
+How far a marker can move in a frame is predicted from its own motion. A position that this motion makes less likely
+than a wild point is treated as hidden for one frame. If the marker is still away from its prediction in the next frame,
+it is believed: its label or its place on the body has changed, or it has moved faster than predicted. If most markers
+jump, this is another shot or another person, which is believed immediately. Markers that jump to where others are
+expected have exchanged labels, which are corrected for half a second at most: a longer exchange is believed.
 """
 
 import math
@@ -23,14 +23,14 @@ class JumpSettings:
     """Settings of `JumpGate`, chosen on five takes of CMU with wild points and without."""
 
     share: float = 0.02  # share of wild points among all
-    reach_m: float = 0.3  # distance within which wild points lie
-    torso_m_s2: float = 54.0  # acceleration of the torso: its markers are so far from where the body carries them
+    reach_m: float = 0.3  # radius around a marker in which its wild points lie
+    torso_m_s2: float = 54.0  # acceleration by which the torso's markers depart from where the body carries them
     near_m: float = 0.02  # distance from the expected position within which nothing is wild
     jerk_m_s3: float = 4320.0  # the same for long steps between frames: a change of acceleration that people reach
     outside: float = 3.0  # nothing is wild within this many sigmas of the carried position; sigma grows in a pause
     settled: int = 3  # positions after which a marker's own motion counts
     exchanged: int = 30  # frames after which exchanged labels are believed
-    cut: float = 0.5  # more than this share of the located markers leaves its motion in a cut
+    cut: float = 0.5  # share of the located markers that leave their motion above which this is a cut
 
 
 _S = JumpSettings()
@@ -38,18 +38,18 @@ _WILD = math.log(_S.share / (4.0 / 3.0 * math.pi * _S.reach_m**3))  # log densit
 
 
 class Carried(NamedTuple):
-    """What the body so far says about the markers of the next frame."""
+    """Prediction of the next frame's markers from the body so far."""
 
-    torso_m: Array  # (M, 3) where it carries torso markers, NaN for others and where unknown
-    fits: bool = True  # whether it fits its markers: otherwise their labels may have been wrong
+    torso_m: Array  # (M, 3) where the body carries its torso markers; NaN for others and if unknown
+    fits: bool = True  # whether the body fits its markers: otherwise their labels may have been wrong
 
 
 class Gated(NamedTuple):
     """Markers of one frame after the gate."""
 
-    points_m: Array  # (M, 3) with exchanged labels put back, NaN where hidden or doubted
+    points_m: Array  # (M, 3) with exchanged labels corrected, NaN where hidden or doubted
     doubted: Mask  # (M,)
-    exchanged: Mask  # (M,) markers whose labels were put back
+    exchanged: Mask  # (M,) markers whose exchanged labels were corrected
     explained: Mask  # (M,) located markers that their own motion explains
 
 
@@ -76,7 +76,7 @@ class JumpGate:
             points_m: Markers (M, 3), NaN where hidden.
             noise_m: Standard deviations (M,) of their coordinates.
             follower: Filter that has predicted them for this frame; it forgets markers whose jump is believed.
-            carried: What the body so far says.
+            carried: Prediction from the body so far.
             elapsed_s: Time since the last frame.
         """
         settings = self._settings
@@ -110,7 +110,7 @@ class JumpGate:
     def _put_back(
         self, points_m: Array, noise_m: Array, follower: MultipleModelFilter, jumped: Mask
     ) -> tuple[Array, Mask]:
-        """Return the points with the labels put back that jumped markers (M,) have exchanged, and which these are."""
+        """Return the points with exchanges among jumped markers (M,) undone, and a mask of the exchanged markers."""
         markers = np.flatnonzero(jumped & (self._exchanges < self._settings.exchanged)).tolist()
         logs = np.full((len(jumped), len(jumped)), -np.inf)  # log densities of the point of a column at a marker
         for other in markers:

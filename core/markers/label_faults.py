@@ -26,20 +26,20 @@ class FaultKind(Enum):
     """What is wrong with labels."""
 
     EXCHANGED = "exchanged"
-    SIDES = "sides"  # all of the left with all of the right in the whole take, which can be a mirror image
+    SIDES = "sides"  # the whole left side with the whole right side in the whole take, which may be a mirror image
     FROZEN = "frozen"
     WILD = "wild"
 
 
 _WHAT = {
-    FaultKind.EXCHANGED: "had each other's labels, put back",
-    FaultKind.SIDES: "had each other's labels, put back; or the take is a mirror image, and so is the motion now",
-    FaultKind.FROZEN: "stood still while the body moved, taken as missing",
-    FaultKind.WILD: "jumped away and back, taken as missing",
+    FaultKind.EXCHANGED: "had each other's labels, corrected",
+    FaultKind.SIDES: "had each other's labels, corrected; or the take is a mirror image, and then so is the motion",
+    FaultKind.FROZEN: "stood still while the body moved, treated as missing",
+    FaultKind.WILD: "jumped away and back, treated as missing",
 }
 
 
-_TOLD = 8  # stretches that warnings name
+_TOLD = 8  # number of stretches that warnings name
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,7 @@ class LabelFault:
     kind: FaultKind
 
     def stretch(self, take: MarkerTake) -> DoubtfulStretch:
-        """Return the stretch of the take, what was wrong and what was done, in words."""
+        """Return the stretch of the take, with a sentence on what was wrong and what was done."""
         start, stop = (int(take.frame_numbers[at]) for at in (self.first, self.last))
         frames = f"frame {start}" if start == stop else f"frames {start} to {stop}"
         markers = " and ".join([", ".join(self.labels[:-1]), self.labels[-1]]) if self.labels[1:] else self.labels[0]
@@ -69,9 +69,9 @@ class LabelFault:
 
 
 def told(stretches: Sequence[DoubtfulStretch]) -> list[str]:
-    """Return the first stretches with faults in words, and how many more there are."""
+    """Return sentences on the first faulty stretches, and on how many more there are."""
     more = len(stretches) - _TOLD
-    rest = [f"and {more} more stretches with wrong labels"] if more > 0 else []
+    rest = [f"and {more} more stretch{'es' * (more > 1)} with wrong labels"] if more > 0 else []
     return [stretch.reason for stretch in stretches[:_TOLD]] + rest
 
 
@@ -79,20 +79,20 @@ def told(stretches: Sequence[DoubtfulStretch]) -> list[str]:
 class FaultSettings:
     """Settings of `correct_labels`; chosen like `SeamSettings`."""
 
-    fewest_frames: int = 8  # shortest take that shows what is usual
+    fewest_frames: int = 8  # fewest frames from which a marker's usual misses can be estimated
     still_sigmas: float = 0.1  # largest step of a still marker, in standard deviations of its misses
     still_m: float = 1e-7  # the same in metres for any noise: rounding of conversions
     still_frames: int = 3  # smallest number of equal positions of a still marker
     still_evidence: float = 9.0  # evidence needed that it stops or starts unlike a body, nats
     still_step: float = 3.0  # limit on the evidence of each step without noise, nats
     rounded: float = 3.0  # smallest noise that rounding cannot hide, in steps of rounding
-    quietest: float = 0.05  # quantile of a marker's misses that is its noise at its quietest
+    quietest: float = 0.05  # quantile of a marker's misses that is taken as its lowest noise
     still_move_m: float = 0.02  # distance that the body must move meanwhile for the missing noise to matter
     still_harm_m: float = 0.01  # smallest jump at either end that matters
     still_drift_m: float = 0.05  # smallest drift at the speed of either end that matters, too
     still_drift_evidence: float = 14.0  # evidence needed for such a drift, nats
     beside: int = 6  # number of seams before or after that show how sudden the motion is there
-    all_still: float = 0.6  # share of other markers that are still too, above which the recording had stopped
+    all_still: float = 0.6  # share of other markers that are also still above which the recording had stopped
 
 
 _S = FaultSettings()
@@ -147,7 +147,7 @@ def _steps_between(subject: Subject, joints: Sequence[int]) -> IntArray:
 
 
 def _nearest(steps: IntArray) -> Mask:
-    """Return for each marker which others are the fewest bones away (M, M)."""
+    """Return a mask (M, M) of the other markers that are the fewest bones away from each marker."""
     itself = np.eye(len(steps), dtype=bool)
     apart = np.where(itself, steps.max() + 1, steps)
     return np.asarray((apart == apart.min(axis=1, keepdims=True)) & ~itself)
@@ -157,7 +157,7 @@ def _nearest(steps: IntArray) -> Mask:
 
 
 def _exchanged(exchanges: Sequence[Exchange], names: Sequence[str], kind: FaultKind) -> list[LabelFault]:
-    """Return exchanges as stretches; pairs that changed at the same time become one."""
+    """Return exchanges as faults; pairs that were exchanged in the same frames become one."""
     together: dict[tuple[int, int], list[int]] = {}
     for each in exchanges:
         together.setdefault((each.first, each.last), []).extend(each.markers)
@@ -210,9 +210,9 @@ def _frozen(times_s: Array, points_m: Array, scale: SeamScale, nearest: Mask) ->
 
 
 def _evidence_of_steps(times_s: Array, points_m: Array, steps: Array) -> Array:
-    """Return the evidence (M,), nats, of each step of length 0, without noise, that a position was filled in.
+    """Return the evidence (M,), nats, that a position was filled in, for each step of length 0.
 
-    The noise that counts is the marker's at its quietest, if it is above the rounding of the take.
+    True positions have noise: the marker's lowest noise counts, if it is above the rounding of the take.
     """
     moved = steps[np.isfinite(steps) & (steps > _S.still_m)]
     rounding_m = max(float(moved.min()), _S.still_m) if len(moved) else np.inf
@@ -231,7 +231,7 @@ def _evidence_of_steps(times_s: Array, points_m: Array, steps: Array) -> Array:
 
 
 def _moved(points_m: Array, marker: int, others: Mask, first: int, last: int) -> bool:
-    """Return whether a marker is elsewhere before or after it stands still, or the nearest ones move meanwhile."""
+    """Return whether a marker is in another place before or after it is still, or the nearest ones move meanwhile."""
     path, middle, beside = points_m[:, marker], (first + last + 1) // 2, _S.still_frames
     pairs = [
         (path[first + 1 : last + 1], outside)
@@ -254,7 +254,7 @@ def _contradicted(times_s: Array, path: Array, first: int, last: int, sigma_m: f
     evidence = jump_m = drift_m = 0.0
     come, go = np.arange(first + 1)[::-1], np.arange(last, len(path))
     for frames, end in ((come, first), (go, last)):
-        # filling repeats the last true position, so the motion before leads through it
+        # a filled gap repeats the last true position, so the motion before leads through it
         rows = frames[np.isfinite(path[frames, 0])][: 3 + _S.beside][0 if end == first else 1 :]
         if len(rows) < 3:
             continue

@@ -92,7 +92,7 @@ def match_best_set(labels: Sequence[str], where: str) -> LabelMatch:
         raise TakeError(
             f"its markers ({join_names(labels)}) do not match any shipped marker set",
             where=where,
-            advice="choose the marker set that was worn, or give a file of names: which label is which marker",
+            advice="choose the marker set that was worn, or give a file with the marker's name for each label",
         )
     return max(matches, key=lambda match: (len(match.label_of), -len(match.marker_set)))
 
@@ -121,7 +121,7 @@ def rename_labels(take: MarkerTake, names: Mapping[str, str]) -> MarkerTake:
     """Rename labels; if the new name is already another label, that label gets the prefix "other".
 
     Raises:
-        TakeError: None of the labels is in the take, or two of them are given to the same marker.
+        TakeError: None of the labels is in the take, or two of them are mapped to the same marker.
     """
     given = {label: marker for label, marker in names.items() if label in take.names}
     if not given:
@@ -133,7 +133,7 @@ def rename_labels(take: MarkerTake, names: Mapping[str, str]) -> MarkerTake:
     double = [marker for marker, count in Counter(given.values()).items() if count > 1]
     if double:
         raise TakeError(
-            f"several labels are given to {join_names(double)}", where=take.name, advice="check the file of names"
+            f"several labels are mapped to {join_names(double)}", where=take.name, advice="check the file of names"
         )
     taken = set(given.values())
     renamed = [given.get(name, f"other {name}" if name in taken else name) for name in take.names]

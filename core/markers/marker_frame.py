@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ..errors import CaptureError
+from ..errors import CaptureError, counted
 from ..geometry.arrays import Array, FloatArray, IntArray
 from ..geometry.camera import Camera, undistort_all
 
@@ -41,7 +41,8 @@ class MarkerFrame:
             object.__setattr__(self, "detected", self.blobs)
         if len(self.detected) != cameras:
             raise CaptureError(
-                f"has images of {len(self.detected)} cameras, but blobs of {cameras}", where=f"frame {self.number}"
+                f"has images of {counted(len(self.detected), 'camera')}, but blobs of {cameras}",
+                where=f"frame {self.number}",
             )
         if self.normalised and [len(rows) for rows in self.normalised] != [len(rows) for rows in self.blobs]:
             raise CaptureError("the normalised coordinates do not match the blobs", where=f"frame {self.number}")

@@ -40,10 +40,10 @@ class Marker:
         tuple[float, float, float] | None,
         About("from the joint in the rest pose: left, up, forward", "m", -_FARTHEST_M, _FARTHEST_M),
     ] = None
-    torso: Annotated[bool, About("whether it serves to find the root; three markers or more do")] = False
+    torso: Annotated[bool, About("whether it is used to find the root; at least three markers must be")] = False
     text: Annotated[str, About("its name in messages")] = ""
-    also: Annotated[tuple[str, ...], About("other names that systems write for it")] = ()
-    placed: Annotated[bool, About("whether a take's motion showed its place, which no marker set knows")] = False
+    also: Annotated[tuple[str, ...], About("other names that capture systems give it")] = ()
+    placed: Annotated[bool, About("whether its offset was found from a take's motion, not from a set")] = False
 
 
 @dataclass(frozen=True)
@@ -153,7 +153,7 @@ def _torso_rank(joint: str) -> int:
 
 
 def marker_set_names() -> tuple[str, ...]:
-    """Names of the shipped marker sets."""
+    """Return the names of the shipped marker sets."""
     return tuple(sorted(path.stem for path in MARKER_SETS.glob("*.toml")))
 
 
@@ -178,7 +178,7 @@ def marker_set_from(table: Table, where: str) -> MarkerSet:
 MARKER_SET = Schema(
     MarkerSet,
     "Marker set",
-    "Markers that are worn together, before calibration mostly without offsets.",
+    "Markers that are worn together; most sets have no offsets before calibration.",
     MarkerSetError,
     "check the file",
 )

@@ -1,9 +1,9 @@
 """Zero-lag smoothing of markers according to their noise.
 
-Lasting errors, like those of keypoints, remain in the positions and count in their deviations. Each marker passes a
-multiple-model filter for a body that stands, moves or strikes (`MultipleModelFilter`). Exact markers are unchanged. A
-marker that is hidden for a moment is extrapolated, with a growing standard deviation. Live, markers that jump are
-doubted (`JumpGate`).
+Lasting errors, like those of keypoints, remain in the positions and are included in their standard deviations. Each
+marker passes a multiple-model filter for a body at rest, moving or striking (`MultipleModelFilter`). Exact markers are
+unchanged. A marker that is hidden for a moment is extrapolated, with a growing standard deviation. Live, markers that
+jump are doubted (`JumpGate`).
 """
 
 from typing import NamedTuple
@@ -17,7 +17,7 @@ from .marker_noise import MarkerNoise, marker_noise
 from .source_noise import SourceNoise
 
 _MODELS = MotionModels(
-    changes=(0.01e-3, 0.1e-3, 1e-3),  # marker that stands, moves, strikes; m
+    changes=(0.01e-3, 0.1e-3, 1e-3),  # marker at rest, moving, striking; m
     least_sigma=0.2e-3,  # skin and optics
     jump=0.05,
     first_speed=2.0,
@@ -56,8 +56,8 @@ class MarkerSmoother:
         """Return the markers of the next frame.
 
         Args:
-            points_m: Markers (M, 3), NaN where hidden; these are only extrapolated for a moment.
-            carried: What the body so far says. If given, markers pass a `JumpGate`; without it, all are believed.
+            points_m: Markers (M, 3), NaN where hidden; hidden ones are extrapolated for a moment only.
+            carried: Prediction from the body so far; with it, markers pass a `JumpGate`, without it, all are believed.
         """
         elapsed_s, self._time_s = time_s - self._time_s, time_s
         self._follower.predict(time_s)
@@ -73,13 +73,13 @@ class MarkerSmoother:
 
 
 def smooth_markers(times_s: Array, points_m: Array, source: SourceNoise) -> tuple[Array, Array]:
-    """Return a take's markers (F, M, 3), smoothed by a forward and a backward filter, and their deviations (F, M).
+    """Return a take's markers (F, M, 3), smoothed in both directions, and their standard deviations (F, M).
 
-    (Fraser and Potter 1969.)
+    A forward and a backward filter are combined (Fraser and Potter 1969).
 
     Args:
         times_s: Ascending times (F,).
-        points_m: Markers (F, M, 3), NaN where hidden; these are only extrapolated for a moment.
+        points_m: Markers (F, M, 3), NaN where hidden; hidden ones are extrapolated for a moment only.
         source: Errors to expect from their source.
     """
     noise_m = np.minimum(marker_noise(times_s, points_m), source.most_fast_m)
@@ -104,7 +104,7 @@ def smooth_markers(times_s: Array, points_m: Array, source: SourceNoise) -> tupl
 def _observe(follower: MultipleModelFilter, points_m: Array, noise_m: Array) -> Mask:
     """Correct the prediction; return a mask (M,) of markers that continue their motion.
 
-    After a cut, hidden markers do not.
+    After a cut, hidden markers do not continue theirs.
     """
     followed, located = follower.followed, np.isfinite(points_m[:, 0])
     continued = follower.observe(points_m, noise_m)

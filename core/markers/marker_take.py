@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..body.motion import MOST_FPS
-from ..errors import TakeError, printable
+from ..errors import TakeError, counted, printable
 from ..geometry.arrays import Array, IntArray, Mask
 from ..geometry.camera import Camera, CameraRig
 from ..geometry.npz import read_arrays, write_arrays
@@ -49,7 +49,7 @@ class MarkerTake:
     times_s: Array = field(default_factory=lambda: np.empty(0))
     single: SingleViews | None = None  # markers that single cameras saw, if known
     notes: tuple[str, ...] = ()  # messages from the reader
-    is_guessed: bool = False  # its names were recognised by the motion, and not all of them clearly
+    is_guessed: bool = False  # its labels were recognised from the motion, and not all of them clearly
     is_trusted: bool = False  # its labels are to be used as they are, even where they contradict the motion
     is_upright: bool = False  # y is known to point up; files keep their own axes until they are imported
     cut_off_frames: int = 0  # frames that the file's header declares but the file lacks
@@ -65,14 +65,14 @@ class MarkerTake:
             object.__setattr__(self, "times_s", np.asarray(self.frame_numbers) / max(self.fps, 1e-9))
         if self.positions_m.shape != (frames, len(self.names), 3) or frames == 0 or not self.names:
             raise TakeError(
-                f"positions of shape {self.positions_m.shape} do not match {len(self.names)} markers",
+                f"positions of shape {self.positions_m.shape} do not match {counted(len(self.names), 'marker')}",
                 where=self.name,
                 advice="a take needs at least one frame and one marker",
             )
         if len(set(self.names)) != len(self.names):
             raise TakeError("marker names are not unique", where=self.name)
         if not 0.0 < self.fps <= MOST_FPS:
-            raise TakeError(f"frame rate {self.fps:g} is not positive, or above {MOST_FPS:g}", where=self.name)
+            raise TakeError(f"the frame rate, {self.fps:g}, must be positive and at most {MOST_FPS:g}", where=self.name)
         if np.shape(self.frame_numbers) != (frames,) or np.shape(self.times_s) != (frames,):
             raise TakeError("frame numbers or times do not fit the number of frames", where=self.name)
         if not np.all(np.isfinite(self.times_s)):
@@ -90,7 +90,8 @@ class MarkerTake:
             raise TakeError("single-camera markers do not match the markers and frames", where=self.name)
         if not np.all((single.cameras >= -1) & (single.cameras < len(single.rig))):
             raise TakeError(
-                f"a marker is seen by a camera that is not in the rig of {len(single.rig)}", where=self.name
+                f"a marker is seen by a camera that is not in the rig of {counted(len(single.rig), 'camera')}",
+                where=self.name,
             )
 
     @property

@@ -10,7 +10,7 @@ from typing import Annotated, Any, TypeAlias
 
 import numpy as np
 
-from ..errors import PropError
+from ..errors import PropError, counted
 from ..geometry.arrays import Array
 from ..geometry.point_patterns import match_rigid_pattern, place_pattern, planarity_m
 from ..system.assets import PROPS
@@ -35,14 +35,14 @@ class _PropFile:
 
     name: Annotated[str, About("name of the prop")]
     marker: Annotated[tuple[_PropMarker, ...], About("its markers")]
-    residual_m: Annotated[float, About("RMS distance of seen and rigid markers", "m", 0.0, 10.0)] = 0.0
+    residual_m: Annotated[float, About("RMS distance between observed and rigid markers", "m", 0.0, 10.0)] = 0.0
 
 
 PROP = Schema(
     _PropFile,
     "Prop",
-    f"A rigid thing with {FEWEST_MARKERS} to {MOST_MARKERS} markers: not on a line, and in no pattern that fits itself "
-    "in another position.",
+    f"A rigid object with {FEWEST_MARKERS} to {MOST_MARKERS} markers, not on a line and not in a pattern that fits "
+    "itself in another position.",
     PropError,
     "calibrate the prop again",
     kind="perfanim prop",
@@ -84,7 +84,9 @@ class Prop:
             raise PropError("every marker needs three finite numbers as its position_m", where=self._where)
         if not FEWEST_MARKERS <= len(places) <= MOST_MARKERS:
             raise PropError(
-                f"has {len(places)} markers", where=self._where, advice=f"use {FEWEST_MARKERS} to {MOST_MARKERS}"
+                f"has {counted(len(places), 'marker')}",
+                where=self._where,
+                advice=f"use {FEWEST_MARKERS} to {MOST_MARKERS}",
             )
         if not self.name or len(set(self.names)) != len(self.names):
             raise PropError("needs a name, and markers with unique names", where=self._where)
@@ -93,7 +95,7 @@ class Prop:
             raise PropError(
                 "its markers lie on a line, so its roll is unknown",
                 where=self._where,
-                advice="put one of them at least 3 cm aside",
+                advice="move one of them at least 3 cm off the line",
             )
         self._check_unlike()
 
@@ -114,7 +116,7 @@ class Prop:
                 f"{self.names[first]} and {self.names[second]} are {1e3 * spans[first, second]:.0f} mm apart: "
                 "the cameras see one blob",
                 where=self._where,
-                advice=f"put them {1e3 * RULES.apart_m:.0f} mm apart at least",
+                advice=f"put them at least {1e3 * RULES.apart_m:.0f} mm apart",
             )
 
     def _check_unlike(self) -> None:
@@ -134,7 +136,7 @@ class Prop:
 
 
 def prop_names() -> tuple[str, ...]:
-    """Names of the shipped props."""
+    """Return the names of the shipped props."""
     return tuple(sorted(path.stem for path in PROPS.glob("*.toml")))
 
 

@@ -13,13 +13,13 @@ class SourceNoise:
     lasting_m: float  # standard deviation of errors that last many frames, so smoothing cannot remove them
     calm_hz: float  # highest cut-off for poses of recorded takes, above which there is only noise
     calmest_hz: float  # lowest cut-off, for motion without anything faster
-    calmed_m: float  # largest RMS change of a joint by a lower cut-off: as little cannot be told from lasting errors
+    calmed_m: float  # largest RMS change of a joint by a lower cut-off, hidden by lasting errors
 
 
 _NOISES = {
     PointKind.MARKERS: SourceNoise(most_fast_m=0.004, lasting_m=0.0, calm_hz=16.0, calmest_hz=16.0, calmed_m=0.0),
-    # Networks locate points with errors of 20 to 30 mm that last 0.2 to 0.5 s, and 4 to 8 mm between frames. With full
-    # weight these errors would let the database outvote motion that it lacks (chosen on CMU's 07_01, 14_08 and 49_10).
+    # Networks locate points with errors of 20 to 30 mm that last 0.2 to 0.5 s, and 4 to 8 mm between frames. Standard
+    # deviations as large would let the database outvote motion that it lacks (chosen on CMU's 07_01, 14_08 and 49_10).
     PointKind.KEYPOINTS: SourceNoise(most_fast_m=0.015, lasting_m=0.012, calm_hz=4.0, calmest_hz=2.5, calmed_m=0.005),
 }
 

@@ -22,7 +22,7 @@ class _Joint:
     """A skeleton's joint as in a file."""
 
     name: Annotated[str, About("unique")]
-    parent: Annotated[str, About("a joint before it; empty for the root")]
+    parent: Annotated[str, About("an earlier joint; empty for the root")]
     offset_m: Annotated[
         Array, About("from its parent in the rest pose: left, up, forward", "m", -_LONGEST_M, _LONGEST_M, shape=(3,))
     ]
@@ -30,7 +30,7 @@ class _Joint:
     angle_axes: Annotated[
         Array, About("quaternion w, x, y, z of the frame of its angles", "", -1.001, 1.001, shape=(4,))
     ]
-    angle_order: Annotated[str, About("axes of its angles, such as ZYX; those that it lacks are left out")]
+    angle_order: Annotated[str, About("axes of its angles, such as ZYX; axes about which it cannot turn are left out")]
 
 
 _JOINT = Schema(_Joint, "Joint", "A joint of a skeleton.", SkeletonError, "choose the character again")
@@ -76,7 +76,9 @@ class Subject:
     marker_set: Annotated[MarkerSet, About("marker set with all offsets; keys as below Marker set")]
     residual_m: Annotated[
         float,
-        About("RMS distance of seen and modelled markers, 0 if not calibrated", "m", 0.0, _LONGEST_M, optional=False),
+        About(
+            "RMS distance of observed from modelled markers, 0 if uncalibrated", "m", 0.0, _LONGEST_M, optional=False
+        ),
     ] = 0.0
 
     def __post_init__(self) -> None:
@@ -90,7 +92,7 @@ class Subject:
             return replace(self, marker_set=self.marker_set.subset(marker_set.names))
         own = self.marker_set.name
         raise SubjectError(
-            f"calibrated with the markers {own}, without {', '.join(unknown)} of {marker_set.name}",
+            f"calibrated with the marker set {own}, which lacks {', '.join(unknown)} of {marker_set.name}",
             where=self.name,
             advice=f"choose {own} as the marker set, or calibrate the performer with {marker_set.name}",
         )
@@ -99,7 +101,7 @@ class Subject:
 SUBJECT = Schema(
     Subject,
     "Performer",
-    "A calibrated person. Without `kind` and `version` a file is none.",
+    "A calibrated person. A file without `kind` and `version` is rejected.",
     SubjectError,
     "calibrate the subject again",
     kind="perfanim subject",

@@ -1,8 +1,8 @@
-"""Wild points: positions away from a motion that goes on as if they were not there.
+"""Wild points: positions away from a motion that continues as if they did not exist.
 
-Both directions of time pass the gate of live captures (`JumpGate`), which doubts sudden positions. A doubted position
-is wild if the motion before and the motion after it meet without it, far from it. After an impact they do not meet.
-Without the points found, the motion of their neighbours is known better, so more are found.
+In both directions of time, the markers pass the gate of live captures (`JumpGate`), which doubts sudden positions. A
+doubted position is wild if the motion before it and the motion after it meet without it, far from it. After an impact
+they do not meet. The search is repeated, because without the points found the motion of their neighbours is clearer.
 """
 
 from dataclasses import dataclass
@@ -21,16 +21,17 @@ class WildPointSettings:
     """Settings of `find_wild_points`, chosen on 65 takes of CMU and Bandai (see the tuning log)."""
 
     least_m: float = 0.05  # smallest distance of a wild point from the path between its neighbours
-    bridge: float = 0.4  # largest distance between the motion before and the motion after it, as a share of that
-    sudden: float = 6.0  # smallest distance as a multiple of the median of such distances at positions beside it,
-    beside: int = 3  # as many on either side
-    together: float = 0.5  # median distance of markers on the same bone from their paths, too: the body itself jumps
-    longest_s: float = 0.15  # longest time between the positions before and after, over which motion can be told
+    bridge: float = 0.4  # largest gap between the motions before and after it, as a share of its distance
+    sudden: float = 6.0  # smallest distance as a multiple of the median gap between such motions nearby
+    beside: int = 3  # number of positions on either side that are nearby
+    # median distance of the bone's other markers from their paths, as a share of its own, if the body itself jumps
+    together: float = 0.5
+    longest_s: float = 0.15  # longest time between the positions before and after it that can be bridged
     rounds: int = 4  # number of searches
 
 
 _S = WildPointSettings()
-# A slow camera sees large jumps of fast limbs. Live these are believed, here the motion after them decides.
+# At a low frame rate, fast limbs jump far. Live, this is believed; here, the motion afterwards decides.
 _ANY_JUMP = JumpSettings(jerk_m_s3=0.0)
 
 
@@ -41,7 +42,7 @@ def find_wild_points(times_s: Array, points_m: Array, source: SourceNoise, neare
         times_s: Ascending times (F,).
         points_m: Labelled markers (F, M, 3), NaN where hidden.
         source: Errors to expect from their source.
-        nearest: Mask (M, M) of the markers on the same bone as each marker, or on the nearest one.
+        nearest: Mask (M, M) of the markers on the same bone as each marker, or else on the nearest bone.
     """
     wild = np.zeros(points_m.shape[:2], dtype=bool)
     for _ in range(_S.rounds):
@@ -110,7 +111,7 @@ def _is_apart(times_s: Array, path: Array, beside: Array, rows: IntArray, kept: 
 
 
 def _away(times_s: Array, points_m: Array, row: int, around: IntArray) -> Array:
-    """Return how far (N,) points (F, N, 3) of a frame are from cubics through those of four frames around it."""
+    """Return the distances (N,) of a frame's points (F, N, 3) from cubics through four frames around it."""
     known_s, at_s = times_s[around], times_s[row]
     others = [np.delete(known_s, i) for i in range(len(around))]
     weights = [np.prod((at_s - other_s) / (own_s - other_s)) for own_s, other_s in zip(known_s, others, strict=True)]
@@ -118,7 +119,7 @@ def _away(times_s: Array, points_m: Array, row: int, around: IntArray) -> Array:
 
 
 def _misses(times_s: Array, path: Array) -> Array:
-    """Return how far apart (N - 3,) the motion through two positions and that through the next two meet halfway."""
+    """Return the distances (N - 3,), halfway, between the motion through two positions and that of the next two."""
     velocities = np.diff(path, axis=0) / np.diff(times_s)[:, None]
     half_s = 0.5 * np.diff(times_s)[1:-1, None]
     return np.asarray(np.linalg.norm(path[1:-2] + half_s * (velocities[:-2] + velocities[2:]) - path[2:-1], axis=1))

@@ -77,7 +77,7 @@ def test_the_chosen_markers_must_be_the_subjects(
     chosen.marker_set = "boxing"
     problem = states.first_missing_step(chosen)
     assert problem.startswith(
-        "Anna: calibrated with the markers locomotion, without head of boxing; choose locomotion as"
+        "Anna: calibrated with the marker set locomotion, which lacks head of boxing; choose locomotion as"
     )
     chosen.marker_set = "locomotion"
     assert states.first_missing_step(chosen) == ""

@@ -50,7 +50,7 @@ def test_take_is_moved_to_the_rigs_world(walking, stage_rig):
 def test_takes_without_stands_are_refused(walking):
     lifted = walking.positions_m.copy()
     lifted[:, :, 0] += 0.5 * np.arange(walking.frames)[:, None]  # 15 m/s: nothing ever rests
-    with pytest.raises(TakeError, match="no foot stands"):
+    with pytest.raises(TakeError, match="no foot stays planted"):
         floor_points(replace(walking, positions_m=lifted), load_marker_set(MARKERS))
     with pytest.raises(TakeError, match="has no marker HEAD"):
         floor_points(walking, load_marker_set("boxing"))

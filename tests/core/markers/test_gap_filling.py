@@ -151,5 +151,5 @@ def test_frozen_stretches_are_filled_unless_labels_are_trusted(whole, suited, da
         told = json.loads(capsys.readouterr().out)
         away_m = np.linalg.norm(read_take(tmp_path / "b.trc").positions_m - whole.positions_m, axis=-1)[stretch, held]
         found.append((told["gaps"], away_m.max() < 0.02, told["warnings"]))
-    text = "RFIN stood still while the body moved, taken as missing (frames 21 to 39)"
+    text = "RFIN stood still while the body moved, treated as missing (frames 21 to 39)"
     assert found == [(1, True, [text]), (0, False, [])]

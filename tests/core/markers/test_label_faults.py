@@ -90,7 +90,7 @@ def test_stretch_names_frames_of_the_file(take, subject):
     numbered = replace(exchanged(take, [("LFOO", "RFOO")], slice(15, 27)), frame_numbers=np.arange(take.frames) + 101)
     _, (fault,) = correct_labels(numbered, subject)
     stretch = fault.stretch(numbered)
-    assert stretch.reason == "LFOO and RFOO had each other's labels, put back (frames 116 to 127)"
+    assert stretch.reason == "LFOO and RFOO had each other's labels, corrected (frames 116 to 127)"
     assert (stretch.first, stretch.last) == (15, 26) and stretch.start_s == pytest.approx(15 / take.fps)
 
 
@@ -114,7 +114,8 @@ def test_sides_exchanged_in_a_whole_take_are_put_back_and_told(suit):
     np.testing.assert_array_equal(corrected.positions_m, take.positions_m)
     assert [(fault.kind, fault.first, fault.last) for fault in faults] == [(FaultKind.SIDES, 0, take.frames - 1)]
     assert {"LKNE", "RKNE", "LFHD", "RBWT"} <= set(faults[0].labels) and "C7" not in faults[0].labels
-    assert faults[0].stretch(take).reason.startswith("left and right had each other's labels, put back; or the take is")
+    reason = "left and right had each other's labels, corrected; or the take is"
+    assert faults[0].stretch(take).reason.startswith(reason)
 
 
 def test_mirrored_take_gets_the_labels_of_a_body(suit):

@@ -82,7 +82,7 @@ def test_names_are_given_by_a_file(tmp_path):
     assert named.names == ("LKNE", "other LKNE", "x")
     with pytest.raises(TakeError, match="has none of the labels Q, only Knee 1, LKNE, x"):
         rename_labels(take, {"Q": "LKNE"})
-    with pytest.raises(TakeError, match="several labels are given to LKNE"):
+    with pytest.raises(TakeError, match="several labels are mapped to LKNE"):
         rename_labels(take, {"Knee 1": "LKNE", "x": "LKNE"})
     for text in ("", "[names]\na = 1\n", 'names = "a"', '[names]\na = ""\n'):
         (tmp_path / "names.toml").write_text(text)
