@@ -155,7 +155,7 @@ def test_frames_without_the_performer_give_the_background(folder, capsys):
 
 def test_too_few_markers_for_the_set_are_told(folder, capsys):
     assert main(arguments(folder, "--marker-set", "boxing", "--out", str(folder / "take.trc"))) == 1
-    assert "at most 5 of 9 markers" in capsys.readouterr().err
+    assert "no frame locates more than 5 of 9 markers" in capsys.readouterr().err
     assert not (folder / "take.trc").exists()
 
 
