@@ -27,7 +27,7 @@ class HumanSizeSettings:
     # largest log ratio of a performer's height to the default; a larger one means that the performer seems to sit
     standing_range: float = 0.16
     samples: int = 200  # largest number of frames that are checked
-    same_unit: float = 1.6  # largest ratio to the default size after a change of unit for which the unit is blamed
+    same_unit: float = 1.6  # largest ratio to the default size in another unit at which the unit is blamed
 
 
 _S = HumanSizeSettings()
@@ -111,7 +111,7 @@ def _scale(take: MarkerTake, marker_set: MarkerSet) -> float:
 
 
 def _worn(take: MarkerTake, marker_set: MarkerSet) -> list[Marker]:
-    """Return the markers of the take that have a usual place."""
+    """Return the set's markers that are in the take and have an offset."""
     return [marker for marker in marker_set.markers if marker.offset_m is not None and marker.name in take.names]
 
 

@@ -36,7 +36,7 @@ class PropSettings:
     missed_m: float = 0.03  # distance that a marker without a point counts as
     tried: int = 6  # number of point matches from which poses are fitted to the images
     elsewhere_m: float = 0.03  # distance of a marker above which two poses are different
-    clearly_m2: float = 0.005**2  # mean square distance by which the best pose must beat others without images
+    clearly_m2: float = 0.005**2  # mean squared distance by which the best pose must beat others if there are no images
     gate_m: float = 0.10  # largest distance of a tracked prop's markers from their predicted positions
     gate_speed_share: float = 0.5  # growth of this gate, as a share of the predicted movement
     gate_hidden_m_s: float = 2.0  # growth of this gate with the time that the prop has been hidden

@@ -23,7 +23,7 @@ class TemplateSettings:
     pairs: int = 6  # pairs of template markers tried, the most distant ones
     refined: int = 60  # rough placements that are refined
     rounds: int = 8  # assignments of one refinement
-    turn_penalty_m: float = 0.02  # per radian away from facing the cameras; decides between near-symmetric placements
+    turn_penalty_m: float = 0.02  # cost per radian of turn from the cameras; decides between near-symmetric placements
     fewest_found: float = 0.6  # share of the markers that must be found
 
 

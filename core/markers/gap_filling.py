@@ -4,7 +4,7 @@ A marker is followed in the frame of the joint that carries it, where it moves o
 the body's calibration. Across a gap this position is interpolated, and the solved joint carries it. A cubic
 spline through the positions next to the gap is better while the gap is short; the two are averaged, weighted by the
 inverse of their expected square errors. The spline's error is measured on artificial gaps where the marker is visible.
-The body's error is the difference of the marker's positions on it before and after gaps, solved without the marker.
+The body's error is how far the marker's position on it differs before and after gaps, with the body solved without it.
 """
 
 from dataclasses import dataclass, replace

@@ -30,7 +30,7 @@ class JumpSettings:
     outside: float = 3.0  # nothing is wild within this many sigmas of the carried position; sigma grows in a pause
     settled: int = 3  # positions after which a marker's own motion counts
     exchanged: int = 30  # frames after which exchanged labels are believed
-    cut: float = 0.5  # share of the located markers that leave their motion above which this is a cut
+    cut: float = 0.5  # share of the located markers leaving their motion above which there is a cut
 
 
 _S = JumpSettings()

@@ -1,6 +1,6 @@
 """Faulty labels of a take: exchanged markers, frozen stretches, wild points.
 
-A label is trusted while its trajectory continues as a body can move. Exchanged labels are corrected; positions with
+A label is trusted as long as its trajectory moves as a body can. Exchanged labels are corrected; positions with
 other faults are treated as missing. Both directions of time are used, so this works on complete takes only.
 """
 

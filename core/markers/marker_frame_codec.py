@@ -15,8 +15,8 @@ _MAGIC = b"PFMF"
 _VERSION, _OLDEST = 4, 3
 _HEADER = struct.Struct("<4sHHqdIIII")  # magic, version, cameras, number, time, points, rays, note bytes, body bytes
 _STAMP = struct.Struct("<d")
-_NOT_MOVED = 0xFFFFFFFF  # number of detected blobs of a camera that means the blobs are unchanged
-_NOT_COMPUTED = 0xFFFFFFFF  # number of normalised coordinates that means none are stored
+_NOT_MOVED = 0xFFFFFFFF  # in place of a camera's number of detected blobs if they equal `blobs`
+_NOT_COMPUTED = 0xFFFFFFFF  # in place of the number of normalised coordinates if none are stored
 
 
 def pack(frame: MarkerFrame) -> bytes:

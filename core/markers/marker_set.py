@@ -43,7 +43,7 @@ class Marker:
     torso: Annotated[bool, About("whether it is used to find the root; at least three markers must be")] = False
     text: Annotated[str, About("its name in messages")] = ""
     also: Annotated[tuple[str, ...], About("other names that capture systems give it")] = ()
-    placed: Annotated[bool, About("whether its offset was found from a take's motion, not from a set")] = False
+    placed: Annotated[bool, About("whether its offset was found from a take's motion, not taken from a set")] = False
 
 
 @dataclass(frozen=True)

@@ -34,7 +34,7 @@ class SmoothedMarkers(NamedTuple):
 
     points_m: Array  # (M, 3) smoothed, NaN where unknown
     deviations_m: Array  # (M,) standard deviations of their coordinates
-    believed: Gated  # measured ones
+    believed: Gated  # measured markers that are believed
 
 
 class MarkerSmoother:

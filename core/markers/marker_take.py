@@ -30,7 +30,7 @@ class SingleViews:
     def select(
         self, frames: slice | IntArray = slice(None), markers: Sequence[int] | slice = slice(None)
     ) -> "SingleViews":
-        """Return some of the frames, and the markers in another order."""
+        """Return some of the frames and markers, in the given order."""
         return SingleViews(self.rig, self.cameras[frames][:, markers], self.points[frames][:, markers])
 
 
@@ -70,13 +70,19 @@ class MarkerTake:
                 advice="a take needs at least one frame and one marker",
             )
         if len(set(self.names)) != len(self.names):
-            raise TakeError("marker names are not unique", where=self.name)
+            raise TakeError("marker names are not unique", where=self.name, advice="give every marker its own name")
         if not 0.0 < self.fps <= MOST_FPS:
             raise TakeError(f"the frame rate, {self.fps:g}, must be positive and at most {MOST_FPS:g}", where=self.name)
         if np.shape(self.frame_numbers) != (frames,) or np.shape(self.times_s) != (frames,):
-            raise TakeError("frame numbers or times do not fit the number of frames", where=self.name)
+            raise TakeError(
+                "frame numbers or times do not fit the number of frames",
+                where=self.name,
+                advice="give one for each frame",
+            )
         if not np.all(np.isfinite(self.times_s)):
-            raise TakeError("has times that are not finite", where=self.name)
+            raise TakeError(
+                "has times that are not finite", where=self.name, advice="give every frame a time in seconds"
+            )
         if self.single is not None:
             self._check_single(self.single)
 
@@ -87,11 +93,16 @@ class MarkerTake:
             or single.cameras.shape != shape
             or single.points.shape != (*shape, 2)
         ):
-            raise TakeError("single-camera markers do not match the markers and frames", where=self.name)
+            raise TakeError(
+                "single-camera markers do not match the markers and frames",
+                where=self.name,
+                advice="give a camera and a point for each",
+            )
         if not np.all((single.cameras >= -1) & (single.cameras < len(single.rig))):
             raise TakeError(
                 f"a marker is seen by a camera that is not in the rig of {counted(len(single.rig), 'camera')}",
                 where=self.name,
+                advice="use the rig that saw the markers",
             )
 
     @property
@@ -148,7 +159,11 @@ def load_take(path: str | Path) -> MarkerTake:
     stored = read_arrays(path, TakeError, what="is not a marker take")
     with reading(path, TakeError, what="is not a marker take"):
         if str(stored["kind"]) != _KIND or int(stored["version"]) != _VERSION:
-            raise TakeError("is not a marker take of this version", where=str(path))
+            raise TakeError(
+                "is not a marker take of this version",
+                where=str(path),
+                advice="update the extension, or export it again",
+            )
         return MarkerTake(
             name=str(stored["name"]),
             fps=float(stored["fps"]),

@@ -25,7 +25,7 @@ MOST_MARKERS = 12
 class _PropMarker:
     """A prop's marker as defined in a file."""
 
-    name: Annotated[str, About("unique")]
+    name: Annotated[str, About("unique in the prop")]
     position_m: Annotated[Array, About("in the prop's own frame, y along it", "m", -10.0, 10.0, shape=(3,))]
 
 

@@ -29,7 +29,7 @@ def frame_times(take: MarkerTake) -> Array:
 def steady_take(take: MarkerTake) -> MarkerTake:
     """Return the take at a steady rate, for files that state one; unchanged if it is steady already.
 
-    Positions are interpolated by their times. They are missing in frames lost at a steady rate, between frames that are
+    Positions are interpolated by their times. They are NaN in frames lost at a steady rate, between frames that are
     far apart, and next to frames in which the marker is hidden. Markers that single cameras saw are left out.
     """
     clock = take_clock(take)

@@ -21,7 +21,7 @@ _LONGEST_M = 10.0  # largest length of bones, and distance of markers
 class _Joint:
     """A skeleton's joint as in a file."""
 
-    name: Annotated[str, About("unique")]
+    name: Annotated[str, About("unique in the skeleton")]
     parent: Annotated[str, About("an earlier joint; empty for the root")]
     offset_m: Annotated[
         Array, About("from its parent in the rest pose: left, up, forward", "m", -_LONGEST_M, _LONGEST_M, shape=(3,))
@@ -73,7 +73,7 @@ class Subject:
 
     name: Annotated[str, About("name of the person")]
     skeleton: Annotated[SkeletonRows, About("the skeleton, parents first", key="joint")]
-    marker_set: Annotated[MarkerSet, About("marker set with all offsets; keys as below Marker set")]
+    marker_set: Annotated[MarkerSet, About("marker set with all offsets; its keys are those of a marker set file")]
     residual_m: Annotated[
         float,
         About(

@@ -20,7 +20,7 @@ class TapSettings:
     """Settings of the filter."""
 
     frames: int = 2  # number of frames averaged on either side; also the delay
-    sigma_s: float = 1.0 / 60.0  # of the weights; at 60 frames a second they are the binomial 1 4 6 4 1
+    sigma_s: float = 1.0 / 60.0  # standard deviation of the weights; at 60 frames a second they are 1 4 6 4 1
     pause_s: float = 0.25  # time between two frames above which they are not averaged
     cut_m: float = 0.3  # movement of the root between two frames that only a cut explains
 

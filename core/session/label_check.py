@@ -20,7 +20,7 @@ _TORSO_MARKERS = 2  # fewest located torso markers for a pose that is not suspec
 _ENOUGH = 0.6  # share of the markers that must be located for a check
 _SAME_M = 0.02  # distance up to which two points are the same
 _UNCERTAIN = 0.3  # smallest factor for the confidence while the labels are uncertain
-_MISPLACED_M = 0.1  # RMS displacement of the markers by other likely labels over which the factor falls towards that
+_MISPLACED_M = 0.1  # scale of the factor's fall with the RMS displacement of the markers by other likely labels
 
 # gains are log likelihood ratios of alternative to current labels, nats
 _CERTAIN = -2.0  # best gain below which one check confirms the current labels

@@ -29,7 +29,7 @@ class MultiTargetSession:
 
     Raises:
         PropError: Two props have patterns that cannot be distinguished.
-        SettingsError: Several performers with only one camera.
+        SettingsError: There are several performers, but only one camera.
     """
 
     def __init__(self, sessions: Sequence[Session], props: Sequence[Prop] = ()) -> None:

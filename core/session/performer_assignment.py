@@ -21,7 +21,7 @@ _NOBODY = -1
 _PATIENCE_S = 1.0  # longest wait for all untracked performers before a body is assigned out of order
 _SEARCH_S = 0.1  # pause between two searches for several bodies, each as slow as solving several frames
 _UNLIKE = 1e3  # cost of a body that does not fit a performer's markers
-_ORDER_COST = 1.0  # cost of a position out of order, added to that of the labels
+_ORDER_COST = 1.0  # cost of each place by which a body is out of order, added to that of the labels
 
 
 class PerformerAssignment:

@@ -136,7 +136,7 @@ class Session:
         """Forget the pose, so that the next frame is solved like the first."""
         self._state = self.solver.initial_state
         self._marker_velocities = None
-        self._apart_m = np.full((len(self.subject.marker_set), 3), np.nan)  # of observed markers from solved ones
+        self._apart_m = np.full((len(self.subject.marker_set), 3), np.nan)  # offsets of observed from solved markers
         self._labelled_s: float | None = None  # when one camera's labels were found
         self._smoother = MarkerSmoother(len(self.subject.marker_set), self._source)
         self._quality.reset()
@@ -291,7 +291,7 @@ class Session:
 def _kept_pose(
     pose: PerformerPose, frame: MarkerFrame, time_s: float, note: NoteKind, seen: Observation
 ) -> PerformerPose:
-    """Return a repeated pose for a frame without one."""
+    """Return a pose repeated for a frame that has none."""
     return replace(
         pose,
         number=frame.number,

@@ -243,7 +243,7 @@ def _size_reasons(skeleton: Skeleton) -> list[Reason]:
 
 
 def _posture_reasons(motion: Motion, has_floor: bool) -> list[Reason]:
-    """Return the problems with the body's stance in the world."""
+    """Return the problems with the body's posture and its height above the floor."""
     posture = posture_of(motion)
     if posture.is_never_upright:
         text = "upside down" if posture.is_upside_down else "lying down"

@@ -153,7 +153,7 @@ class SolveSettings:
             if key in ("method", "query_alpha", "search"):
                 own[key] = value
             elif key not in _FIELDS_OF_KEY:
-                raise SettingsError(f"there is no setting {key!r}")
+                raise SettingsError(f"there is no setting {key!r}", advice="check its spelling, or remove it")
             for group, name, convert in _FIELDS_OF_KEY.get(key, ()):
                 groups[group][name] = convert(value)
         return cls(**own, **{group: _GROUPS[group](**values) for group, values in groups.items()})
