@@ -1,8 +1,8 @@
 """Initial labelling of the blobs of a single camera, from a known pose.
 
 The performer stands in a calibration pose in front of the camera and the body is known, so assigning two blobs to two
-markers determines its distance. The best of all such placements is refined by alternately assigning the blobs and
-fitting the body to their rays. Later labels follow from the last pose, as with several cameras.
+markers determines the body's distance. The best of all such placements is refined by alternately assigning the blobs
+and fitting the body to their rays. Later labels follow from the last pose, as with several cameras.
 """
 
 from collections.abc import Sequence

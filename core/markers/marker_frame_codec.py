@@ -39,7 +39,7 @@ def pack(frame: MarkerFrame) -> bytes:
 def unpack(data: bytes) -> MarkerFrame:
     """Return the frame from the bytes of `pack`; CaptureError if they are not a frame."""
     if len(data) < _HEADER.size:
-        raise CaptureError("a marker frame was cut off")
+        raise _cut_off()
     magic, version, cameras, number, time_s, points, rays, note_bytes, body_bytes = _HEADER.unpack_from(data)
     if magic != _MAGIC or not _OLDEST <= version <= _VERSION:
         raise CaptureError(
@@ -57,7 +57,7 @@ def unpack(data: bytes) -> MarkerFrame:
     arrays = {name: reader.array(shape, kind) for name, shape, kind in _layout(points, rays, cameras)}
     notes = reader.bytes(note_bytes).decode("utf-8", errors="replace")
     if len(data) != _HEADER.size + body_bytes or reader.position != len(data):
-        raise CaptureError("a marker frame was cut off", where=f"frame {number}")
+        raise _cut_off(f"frame {number}")
     lines = tuple(notes.split("\n")) if notes else ()
     return MarkerFrame(number, time_s, blobs=blobs, detected=detected, normalised=normalised, notes=lines, **arrays)
 
@@ -70,9 +70,13 @@ def pack_stamped(stamp_s: float, frame: MarkerFrame) -> bytes:
 def unpack_stamped(data: bytes) -> tuple[float, MarkerFrame]:
     """Return stamp and frame from the bytes of `pack_stamped`; errors are those of `unpack`."""
     if len(data) < _STAMP.size:
-        raise CaptureError("a marker frame was cut off")
+        raise _cut_off()
     (stamp_s,) = _STAMP.unpack_from(data)
     return stamp_s, unpack(data[_STAMP.size :])
+
+
+def _cut_off(where: str = "") -> CaptureError:
+    return CaptureError("a marker frame was cut off", where=where, advice="capture it again")
 
 
 def _layout(points: int, rays: int, cameras: int) -> list[tuple[str, tuple[int, ...], str]]:
@@ -96,7 +100,7 @@ class _Reader:
 
     def bytes(self, count: int) -> bytes:
         if self.position + count > len(self._data):
-            raise CaptureError("a marker frame was cut off")
+            raise _cut_off()
         self.position += count
         return self._data[self.position - count : self.position]
 

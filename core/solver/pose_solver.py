@@ -73,7 +73,7 @@ class PoseSolver:
     def best(self) -> BestMethod:
         """The method "best", the only one that can be reversed in time."""
         if not isinstance(self._method, BestMethod):
-            raise TypeError(self.settings.method)
+            raise TypeError(f"the method {self.settings.method!r} cannot be reversed in time; use 'best'")
         return self._method
 
     def begin_at_torso(self, solution: Solution) -> SolverState:
