@@ -27,7 +27,7 @@ from .header_facts import Clip
 from .reference_poses import reference_pose_report, relative_poses
 from .store import Database, same_bones, save_database
 
-_READ, _CULLED = 0.6, 0.7  # shares of the progress bar
+_READ, _CULLED = 0.6, 0.7  # progress once all files are read, and once near-duplicates are culled
 
 
 @dataclass
@@ -109,12 +109,12 @@ def build_database(
     """Read all motion from files, folders and archives into one database file.
 
     Every clip is mapped onto the standard skeleton with its subject's bone lengths, cleaned (`body.motion_cleaning`)
-    and resampled. A file that cannot be read is skipped with a reported reason. Frames are collected in a file next
-    to `out`, so that memory only holds the poses (336 bytes per frame).
+    and resampled. A file that cannot be read is skipped, and the reason is reported. Frames are collected in a file
+    next to `out`, so that only the poses are held in memory (336 bytes per frame).
 
     Args:
         sources: BVH and AMC files, folders and archives with such files and their ASF skeletons.
-        out: Database file, written after everything is read.
+        out: Database file; written once all motion has been read.
 
     Returns:
         frames, clips, seconds, bytes, fps, behaviours (name -> frames), zeros (subject -> joint -> degrees between its
@@ -123,7 +123,7 @@ def build_database(
         peak_reader_memory_mb of the largest reading process, None where unknown.
 
     Raises:
-        FormatError: A source is missing or a damaged archive, or `out` cannot be written.
+        FormatError: A source is missing or is a damaged archive, or `out` cannot be written.
         DatabaseError: Nothing readable was found.
     """
     started = time.monotonic()
@@ -197,7 +197,7 @@ def _report(database: Database, collected: _Collected, started: float) -> dict[s
 
 @contextmanager
 def _folder_beside(out: Path) -> Iterator[Path]:
-    """Yield a temporary folder on the database's disk."""
+    """Yield a temporary folder on the same disk as the database."""
     place = next(folder for folder in out.absolute().parents if folder.exists())
     with writing(out):
         remove_left_behind(place, f".{out.stem}.")

@@ -1,7 +1,8 @@
-"""Cells of a motion database: groups of frames that are similar in the distance measure of the search (Eq. 2).
+"""Cells of a motion database: groups of frames that are similar by the search's distance.
 
-The search visits only the cells nearest to its query (an inverted file; Jegou, Douze and Schmid 2011). Cells are made
-for an average body with markers on head, shoulders, hands and feet, which are close to those of other bodies and sets.
+The distance is Eq. 2 of Chai and Hodgins (2005). The search visits only the cells nearest to its query (an inverted
+file; Jegou, Douze and Schmid 2011). Cells are computed for an average body with markers on head, shoulders, hands and
+feet; other bodies and marker sets would give similar ones.
 """
 
 import os
@@ -20,15 +21,15 @@ from .k_means import clusters_of
 
 @dataclass(frozen=True)
 class CellSettings:
-    """Distance measure and number of cells."""
+    """Settings for the distance between frames and the number of cells."""
 
-    least_frames: int = 16_384  # fewest frames for which cells pay: below, visiting all frames costs as little
-    joints: tuple[str, ...] = ("head", "lhumerus", "lhand", "rhumerus", "rhand", "lfoot", "rfoot")  # with markers
-    markers: float = 0.8  # weight of squared metres, as in the solver's queries
-    poses: float = 0.2  # weight of squared radians
+    least_frames: int = 16_384  # smallest database with cells; in a smaller one, visiting all frames is as fast
+    joints: tuple[str, ...] = ("head", "lhumerus", "lhand", "rhumerus", "rhand", "lfoot", "rfoot")  # with a marker each
+    markers: float = 0.8  # weight of squared marker distances (m^2), as in the solver's queries
+    poses: float = 0.2  # weight of squared joint angles (rad^2)
     components: int = 24  # principal components of markers and poses
     samples: int = 4096  # frames used to compute the components
-    ridge: float = 1e-3  # squared radians added for angles that do not vary
+    ridge: float = 1e-3  # ridge of the regression, rad^2, because some joint angles do not vary
     cells_per_root: float = 4.0  # cells per square root of the number of frames
     chunk: int = 8192  # frames projected at once
 
@@ -41,11 +42,11 @@ def build_cells(poses: FloatArray, mean_rotations: Array) -> NDArray[np.int32]:
 
     Args:
         poses: Rotation vectors (F, J - 1, 3).
-        mean_rotations: Rotations (J, 4) that most poses are relative to.
+        mean_rotations: Common reference pose (J, 4), to which most poses are relative.
     """
     rows, chunk = poses.reshape(len(poses), -1), SETTINGS.chunk
     factors = _factors(poses[:: max(1, len(poses) // SETTINGS.samples)], mean_rotations)
-    with ThreadPoolExecutor(os.cpu_count()) as threads:  # numpy releases Python's lock
+    with ThreadPoolExecutor(os.cpu_count()) as threads:  # NumPy releases the GIL
         starts = range(0, len(rows), chunk)
         points = np.concatenate(list(threads.map(lambda start: rows[start : start + chunk] @ factors, starts)))
         count = int(SETTINGS.cells_per_root * np.sqrt(len(points)))
@@ -53,10 +54,10 @@ def build_cells(poses: FloatArray, mean_rotations: Array) -> NDArray[np.int32]:
 
 
 def _factors(poses: FloatArray, mean_rotations: Array) -> FloatArray:
-    """Return factors (D, C) that project poses on principal components of markers and poses.
+    """Return factors (D, C) that project poses onto principal components of markers and poses.
 
-    The markers are approximated by a linear regression, which avoids forward kinematics of all frames and misses 0.3 %
-    the examples.
+    Linear regression on the joint angles approximates the components. This avoids forward kinematics for all frames;
+    the search then misses 0.3 % of the examples.
     """
     skeleton = default_skeleton()
     joints = np.array([skeleton.names.index(name) for name in SETTINGS.joints])

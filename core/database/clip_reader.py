@@ -19,7 +19,7 @@ import numpy as np
 from ..body.motion import resampled
 from ..body.motion_cleaning import Defect, clean_motion
 from ..body.skeleton import Skeleton
-from ..errors import DatabaseError, PerfanimError
+from ..errors import DatabaseError, PerfanimError, counted
 from ..formats.motion.motion_sources import MotionFile
 from ..formats.motion.read_motion import read_motion_parts
 from ..geometry import rotations as rot
@@ -27,7 +27,7 @@ from ..geometry.arrays import FloatArray
 from ..system.json_process import JsonProcess
 from .skeleton_facts import skeleton_facts, skeleton_from_facts
 
-_LEAST_FRAMES = 4  # fewest frames of a clip: the search uses accelerations
+_LEAST_FRAMES = 4  # fewest frames of a clip, because the search uses accelerations
 
 
 @dataclass(frozen=True)
@@ -52,8 +52,9 @@ class ReadFile:
     """Clips and defects of a file, or the reason why it cannot be read.
 
     Args:
-        defects: Rows of frames ("12" or "12-15", counted from 1; "" for the whole file), defect and treatment.
-        reason: Reason of the failure, "" if it was read.
+        defects: Rows with the frames ("12" or "12-15", counted from 1; "" for the whole file), the defect and what was
+            done about it.
+        reason: Reason why the file cannot be read; "" if it was read.
         line: Line of the file that caused the failure, 0 if unknown.
     """
 
@@ -69,7 +70,8 @@ def read_files(
     """Yield the result for each file, in order.
 
     Args:
-        workers: Number of processes; 1 reads in this process, as does Blender's own binary, which cannot start Python.
+        workers: Number of processes; with 1, this process reads all files. Blender's executable ignores the number and
+            reads them itself, because it cannot start Python processes.
         ahead: Files per process that may be read in advance.
 
     Raises:
@@ -159,8 +161,8 @@ def read_file(path: str, skeleton: str, name: str, fps: float) -> ReadFile:
             first = part.first_frame + start
             if motion.frames < _LEAST_FRAMES:
                 frames = _frames(first + 1, first + sound.frames)
-                count = "1 frame" if motion.frames == 1 else f"{motion.frames} frames"
-                kind = f"too short, {count} at {fps:g} per second, at least {_LEAST_FRAMES} are needed"
+                count = counted(motion.frames, "frame")
+                kind = f"only {count} at {fps:g} Hz, but at least {_LEAST_FRAMES} are needed"
                 rows.append({"frames": frames, "defect": kind, "done": "left out"})
                 continue
             rotations = np.ascontiguousarray(rot.continuous(motion.rotations), dtype=np.float32)

@@ -1,9 +1,9 @@
 """Culling near-duplicates: passages that an earlier clip of a database already contains.
 
-A frame is a near-duplicate if its pose and the pose `ahead_s` later, which give the direction of motion, are close to
-those of a frame kept from an earlier clip. Short passages are kept, and so are margins around new motion, so that it
-has velocities. Each frame is compared only with its nearest few in principal-component space; duplicates that this
-misses are kept.
+A frame is a near-duplicate if its pose and the pose `ahead_s` later are both close to those of a frame kept from an
+earlier clip; the later pose tells directions of motion apart. Short passages are kept, and so are margins around new
+motion, so that velocities can be computed there. Each frame is compared only with its nearest few in
+principal-component space; duplicates that this misses are kept.
 """
 
 import math
@@ -30,11 +30,11 @@ class CullSettings:
     ahead_s: float = 0.1  # time to the second pose that is compared
     shortest_s: float = 0.25  # shortest passage that is left out
     margin_s: float = 0.1  # time kept on both sides of new motion
-    compared_per_s: float = 20.0  # frames compared; those between follow them
-    components: int = 12  # principal components
+    compared_per_s: float = 20.0  # frames compared per second; each decides for the frames up to the next one
+    components: int = 12  # number of principal components
     candidates: int = 4  # nearest frames in principal-component space that are compared
     samples: int = 20_000  # frames used to compute the components
-    tree: int = 4096  # fewest frames for which a search tree pays
+    tree: int = 4096  # fewest frames for which a search tree is faster than comparing all
 
 
 SETTINGS = CullSettings()
@@ -46,7 +46,7 @@ def near_duplicates(poses: FloatArray, clips: Sequence[Clip], fps: float, distan
     Args:
         poses: Rotation vectors (F, D) of the joints, radians.
         clips: Clips that cover the frames in order; earlier clips are kept.
-        distance_deg: RMS over the joint angles below which two poses count as equal, degrees.
+        distance_deg: RMS difference of the joint angles below which two poses count as equal, degrees.
     """
     duplicate = np.zeros(len(poses), dtype=np.bool_)
     stride = max(1, round(fps / SETTINGS.compared_per_s))
@@ -60,16 +60,17 @@ def near_duplicates(poses: FloatArray, clips: Sequence[Clip], fps: float, distan
         features = kept.features(frames)
         known = np.zeros(clip.stop - clip.start, dtype=np.bool_)
         known[: len(frames) * stride] = np.repeat(kept.holds(features), stride)[: len(known)]
-        known[len(frames) * stride :] = known[len(frames) * stride - 1]  # the last frame is its own second pose
+        # the last frames have no later pose, so the last compared frame decides for them
+        known[len(frames) * stride :] = known[len(frames) * stride - 1]
         culled = binary_erosion(known, np.ones(2 * margin + 1), border_value=1)
-        culled = binary_opening(culled, np.ones(shortest))  # drops shorter runs
+        culled = binary_opening(culled, np.ones(shortest))  # shorter passages are kept
         duplicate[clip.start : clip.stop] = culled
         kept.add(features[~culled[frames - clip.start]])
     return duplicate
 
 
 class _Kept:
-    """The frames kept so far, in search trees of doubling size."""
+    """Frames kept so far, in search trees of doubling size."""
 
     def __init__(self, poses: FloatArray, ahead: int, radius: float) -> None:
         self._poses = poses
@@ -90,7 +91,7 @@ class _Kept:
         return (halves @ self._axes).reshape(len(features), -1)
 
     def holds(self, features: FloatArray) -> Mask:
-        """Return whether a kept frame lies within the radius (n,)."""
+        """Return a mask (n,) of the features that have a kept frame within the radius."""
         result = np.zeros(len(features), dtype=np.bool_)
         components = self._components(features)
         for tree, points in self._parts:
@@ -109,7 +110,7 @@ class _Kept:
     def add(self, features: FloatArray) -> None:
         if len(features) == 0:
             return
-        # a tree is merged with the one before it once it has grown as large, so that there are only a few
+        # merging with trees that are no larger keeps the number of trees small
         while self._parts and len(self._parts[-1][1]) <= len(features):
             features = np.concatenate((self._parts.pop()[1], features))
         tree = cKDTree(self._components(features)) if len(features) >= SETTINGS.tree else None
@@ -117,7 +118,7 @@ class _Kept:
 
 
 def clips_after_culling(clips: Sequence[Clip], culled: Mask, fps: float) -> list[Clip]:
-    """Return the clips of the remaining frames, renumbered."""
+    """Return the clips made of the remaining frames, with their new frame ranges."""
     kept: list[Clip] = []
     for clip in clips:
         for first, stop in runs(~culled[clip.start : clip.stop]):

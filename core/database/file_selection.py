@@ -1,4 +1,4 @@
-"""Behaviour and subject of a clip from its file name, and selection of files by them."""
+"""Behaviour and subject of a clip, read from its file name, and selection of files by name or behaviour."""
 
 import fnmatch
 import re
@@ -14,7 +14,7 @@ _BANDAI = re.compile(r"(?P<set>dataset-\d+)_(?P<kind>[^_]+)_(?P<style>[^_]+)_\d+
 def behaviour_of(name: str, description: str = "") -> str:
     """Return a clip's behaviour: the description up to " - " or a comma, or the words of the file name.
 
-    Names like "dataset-2_walk-turn-left_active_001" give their second part.
+    For names like "dataset-2_walk-turn-left_active_001" it is the second part.
     """
     if description:
         return re.split(r" - |,", description)[0].strip().lower()
@@ -27,7 +27,7 @@ def behaviour_of(name: str, description: str = "") -> str:
 
 
 def subject_of(name: str) -> str:
-    """Return a clip's subject: "14" from "14_02", set and style, or the name of the folder."""
+    """Return a clip's subject: "14" for "14_02", "SET STYLE" for "SET_MOTION_STYLE_001", or the folder's name."""
     pure = PurePosixPath(name)
     match = _BANDAI.fullmatch(pure.stem)
     if match:
@@ -39,7 +39,7 @@ def subject_of(name: str) -> str:
 def select_files(files: Sequence[MotionFile], include: Sequence[str], exclude: Sequence[str]) -> list[MotionFile]:
     """Return the files that match a glob of `include`, if any are given, and none of `exclude`.
 
-    A glob is compared with the whole name, the file name, the stem and the behaviour.
+    A glob may match the whole path, the file name, the stem or the behaviour.
 
     Raises:
         DatabaseError: A glob of `include` matches no file.
@@ -49,7 +49,9 @@ def select_files(files: Sequence[MotionFile], include: Sequence[str], exclude: S
             behaviours = sorted({behaviour_of(file.name, file.description) for file in files})
             listed = ", ".join(behaviours[:20]) + (", ..." if len(behaviours) > 20 else "")
             raise DatabaseError(
-                f"no file name or behaviour matches {pattern!r}", where="include", advice=f"behaviours: {listed}"
+                f"no file name or behaviour matches {pattern!r}",
+                where="include",
+                advice=f"choose from the behaviours {listed}",
             )
     return [file for file in files if (not include or _fits(file, include)) and not _fits(file, exclude)]
 

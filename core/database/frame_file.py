@@ -12,7 +12,7 @@ from ..system.files import writing
 
 
 class FrameFile:
-    """Float32 array (F, ...) that grows at its end and is read by slices of frames."""
+    """Float32 array (F, ...) on disk; frames are appended to it and read in slices."""
 
     def __init__(self, path: Path, shape: tuple[int, ...]) -> None:
         self._path = path

@@ -1,4 +1,4 @@
-"""Public collections of motion: their list and their download."""
+"""Public collections of motion: which ones are known, and how they are downloaded."""
 
 import gzip
 import re
@@ -19,7 +19,7 @@ from ..system.files import read_toml, reading
 from ..system.progress import Progress
 from ..system.schema import About, Schema
 
-_ENDINGS = (".zip", ".tar.gz", ".tgz", ".tar", ".bvh")
+_EXTENSIONS = (".zip", ".tar.gz", ".tgz", ".tar", ".bvh")
 _DAMAGED_ADVICE = "download it again; if that does not help, the archive itself is damaged"
 
 
@@ -28,18 +28,18 @@ class Collection:
     """A public collection of recorded motion."""
 
     name: Annotated[str, About("short name; by default the table's", optional=True)]
-    title: Annotated[str, About("its name in full", least=1)]
-    page: Annotated[str, About("address to read about it", least=1)]
+    title: Annotated[str, About("full name", least=1)]
+    page: Annotated[str, About("web page about the collection", least=1)]
     address: Annotated[str, About("address of the archive", least=1)]
-    megabytes: Annotated[int, About("about the size of the archive", "MB", 1, 1e6)]
-    licence: Annotated[str, About("what may be done with the motion", least=1)]
-    good_for: Annotated[str, About("kinds of motion in it", least=1)]
+    megabytes: Annotated[int, About("approximate size of the archive", "MB", 1, 1e6)]
+    licence: Annotated[str, About("permitted uses of the motion", least=1)]
+    good_for: Annotated[str, About("kinds of motion in the collection", least=1)]
 
 
 COLLECTION = Schema(
     Collection,
     "Public collection of motion",
-    "A table for each collection, under the name that `perfanim database get` takes.",
+    "One table per collection, under the name that `perfanim database get` takes.",
     FormatError,
     "install the add-on again",
 )
@@ -52,11 +52,11 @@ def public_collections() -> dict[str, Collection]:
 
 
 def get_collection(name_or_address: str, folder: Path, progress: Progress) -> Path:
-    """Return the archive of a collection; it is downloaded if it is not there.
+    """Return the archive of a collection, which is downloaded unless it is already there.
 
     Args:
         name_or_address: Name in `public_collections`, or the address of another archive.
-        folder: Folder of the archives; nothing is written elsewhere.
+        folder: Folder for archives; nothing is written elsewhere.
 
     Raises:
         DownloadError: The download fails or the file is damaged; see `download`.
@@ -66,7 +66,7 @@ def get_collection(name_or_address: str, folder: Path, progress: Progress) -> Pa
     if known is None and "/" not in name_or_address:
         raise SettingsError(
             f"there is no collection {name_or_address!r}",
-            advice=f"give {', '.join(public_collections())} or an address",
+            advice=f"give one of {', '.join(public_collections())}, or an address",
         )
     address = known.address if known else name_or_address
     archive = folder / file_name(address, known.name if known else "")
@@ -82,18 +82,18 @@ def get_collection(name_or_address: str, folder: Path, progress: Progress) -> Pa
 
 
 def file_name(address: str, name: str = "") -> str:
-    """Return a file name made of letters, digits, dots and dashes for an address."""
+    """Return a safe file name for an address: letters, digits, dashes, underscores and an extension."""
     check_address(address)
     last = unquote(urlsplit(address).path).rsplit("/", 1)[-1]
-    ending = next((ending for ending in _ENDINGS if last.lower().endswith(ending)), "")
-    if not ending:
+    extension = next((extension for extension in _EXTENSIONS if last.lower().endswith(extension)), "")
+    if not extension:
         raise DownloadError(
-            "is not an archive of motion",
+            "is not the address of a motion archive",
             where=address,
-            advice=f"give the address of a file that ends in {_ENDINGS[0]}",
+            advice=f"give the address of a file with one of the extensions {', '.join(_EXTENSIONS)}",
         )
-    stem = re.sub(r"[^A-Za-z0-9_-]+", "-", name or last[: -len(ending)])[:80].strip("-")
-    return f"{stem or 'motion'}{ending}"
+    stem = re.sub(r"[^A-Za-z0-9_-]+", "-", name or last[: -len(extension)])[:80].strip("-")
+    return f"{stem or 'motion'}{extension}"
 
 
 def _check(archive: Path) -> None:
@@ -135,7 +135,7 @@ def _check_names(archive: Path, names: Iterable[str]) -> None:
         path = PurePosixPath(name.replace("\\", "/"))
         if path.is_absolute() or ".." in path.parts or re.match(r"[A-Za-z]:", name):
             raise DownloadError(
-                f"holds a file outside its own folder ({shorten(name, 60)})",
+                f"contains a file that would be unpacked outside its folder ({shorten(name, 60)})",
                 where=str(archive),
                 advice="download it from another source",
             )

@@ -1,10 +1,10 @@
 """Reference poses: the rest rotations of each recorded subject's hands and thumbs, estimated from the data.
 
-Every studio fits the rest pose of hands and thumbs in its own way: a hand that is straight in one file is bent by 40
-degrees in another. Poses are stored relative to the subject's own reference pose, so that equal poses have equal
-numbers. A reference pose is the median of the subject's clips, shrunk towards that of all subjects according to the
-variance between clips of one subject (random effects, Laird and Ware 1982), because a subject's clips also differ in
-what was performed. With fewer than three subjects, or one clip each, all subjects use the common reference pose.
+Studios define the rest pose of hands and thumbs differently: a hand that is straight in one file is bent by 40 degrees
+in another. Poses are stored relative to the subject's own reference pose, so that equal poses have equal numbers. A
+reference pose is the median of the subject's clips, shrunk towards the median of all subjects according to the variance
+between clips of one subject (random effects, Laird and Ware 1982), because a subject's clips also differ in what was
+performed. With fewer than three subjects, or with one clip per subject, all subjects use the common reference pose.
 """
 
 import os
@@ -30,13 +30,13 @@ class ReferencePoseSettings:
 
     mean_samples: int = 20_000  # frames used for the mean rotations
     clip_samples: int = 60  # frames of each clip used for its median
-    farthest_rad: float = 1.0  # cap of a clip's distance from its subject's median: recordings have flipped joints
-    impossible_rad: float = np.radians(100.0)  # rotation that the end of a limb cannot reach, so the joint is flipped
+    farthest_rad: float = 1.0  # cap on a clip's distance from its subject's median: recordings have flipped joints
+    impossible_rad: float = np.radians(100.0)  # rotation above which a limb's end joint must be flipped
     median_steps: int = 30  # largest number of steps of Weiszfeld's algorithm
     least_rad: float = 0.01  # smallest distance that the algorithm divides by
     settled_rad: float = 1e-7  # the algorithm stops when the remaining steps cannot move a median by more
     chunk: int = 4096  # frames converted at once
-    clips: int = 32  # clips whose medians are computed at once, so that they fit into the processor's cache
+    clips: int = 32  # clips whose medians are computed at once, so that they fit into the CPU's cache
 
 
 _SETTINGS = ReferencePoseSettings()
@@ -47,7 +47,7 @@ def _joints(middle: Sequence[str], of_sides: Sequence[str]) -> list[int]:
     return [JOINT_NAMES.index(name) for name in (*middle, *(side + name for side in "lr" for name in of_sides))]
 
 
-# Feet and head differ as much between clips of one subject as between subjects, so they have no reference pose.
+# Feet and head differ as much between clips of one subject as between subjects, so they keep the common reference pose.
 _JOINTS = _joints((), ("wrist", "hand", "fingers", "thumb"))
 _ENDS = _joints(("upperneck", "head"), ("foot", "toes", "hand", "fingers", "thumb"))
 
@@ -57,9 +57,10 @@ _Person = tuple[str, int, bool]
 def relative_poses(
     rotations: NDArray[Any] | FrameFile, clips: Sequence[Clip]
 ) -> tuple[Array, tuple[ReferencePose, ...], FloatArray]:
-    """Return the common reference pose (J, 4), the subjects' own and poses (F, J - 1, 3).
+    """Return the common reference pose (J, 4), the subjects' own reference poses, and poses (F, J - 1, 3).
 
-    While the end of a limb is flipped in the recording, it keeps its last valid rotation.
+    If a subject has its own reference pose, the end joints of its limbs keep their last valid rotation while they are
+    flipped in the recording.
 
     Args:
         rotations: Local rotations (F, J, 4) of the clips' frames.
@@ -75,7 +76,7 @@ def relative_poses(
         if _person(clip) in own:
             _hold_flipped(poses[clip.start : clip.stop])
 
-    with ThreadPoolExecutor(os.cpu_count()) as threads:  # numpy releases Python's lock
+    with ThreadPoolExecutor(os.cpu_count()) as threads:  # NumPy releases the GIL
         list(threads.map(fill, clips))
     return common, references, poses
 
@@ -137,7 +138,7 @@ def _medians(rotations: Array) -> Array:
         angles = 2.0 * np.arccos(nearest)
         weights = 1.0 / np.maximum(angles, _SETTINGS.least_rad)
         factors = np.copysign(weights * angles / np.sqrt((1.0 - nearest) * (1.0 + nearest)), cosines)
-        # the step towards a rotation is linear in it, so rotations are summed before they are made relative
+        # the step towards a rotation is linear in that rotation, so only the sum is made relative to the median
         sums = rot.multiply(rot.conjugate(medians), (parts @ factors[..., None])[..., 0])
         shifts = sums[..., 1:] / np.sum(weights, axis=-1)[..., None]
         medians = rot.multiply(medians, rot.from_rotation_vector(shifts))
@@ -155,7 +156,7 @@ def _clip_variance(clips: Array) -> Array:
 
 
 def _hold_flipped(poses: FloatArray) -> None:
-    """Repair flipped hands, feet and head in a clip's poses (F, J - 1, 3)."""
+    """Repair flipped hands, feet and head in a clip's poses (F, J - 1, 3), in place."""
     far: Mask = np.einsum("fji,fji->fj", poses, poses) > _SETTINGS.impossible_rad**2
     for joint in _ENDS:
         flipped, vectors = far[:, joint - 1], poses[:, joint - 1]

@@ -17,11 +17,11 @@ _J = len(JOINT_NAMES)
 class _Body:
     """A standard skeleton in the header."""
 
-    offsets_m: Annotated[Array, About("joints from their parents", "m", -10.0, 10.0, shape=(_J, 3))]
-    tips_m: Annotated[Array, About("ends of bones from their joints", "m", -10.0, 10.0, shape=(_J, 3))]
-    angle_axes: Annotated[Array, About("frames of the angles", "", -1.1, 1.1, shape=(_J, 4))]
-    angle_orders: Annotated[tuple[str, ...], About("axes that turn, in their order")]
-    parents: Annotated[IntArray, About("parents of joints", "", -1, _J - 1, shape=(_J,))]
+    offsets_m: Annotated[Array, About("offset of each joint from its parent", "m", -10.0, 10.0, shape=(_J, 3))]
+    tips_m: Annotated[Array, About("offset of each bone's end from its joint", "m", -10.0, 10.0, shape=(_J, 3))]
+    angle_axes: Annotated[Array, About("frame of each joint's angles", "", -1.1, 1.1, shape=(_J, 4))]
+    angle_orders: Annotated[tuple[str, ...], About("rotation axes of each joint, in order")]
+    parents: Annotated[IntArray, About("parent of each joint", "", -1, _J - 1, shape=(_J,))]
 
 
 BODY = Schema(_Body, "Skeleton", "A standard skeleton in a database.", DatabaseError, REBUILD)

@@ -13,12 +13,12 @@ from .store import DATABASE_SUFFIX
 
 
 def starter_database(progress: Progress = no_progress) -> Path:
-    """Return the database of the shipped motion, which is used where none is named.
+    """Return the path of the shipped motion's database, which is used unless another one is chosen.
 
-    The first call builds it in the user's folder for cached files, within seconds.
+    The first call builds the database in the user's cache folder, which takes a few seconds.
 
     Raises:
-        DatabaseError: It cannot be built or written.
+        DatabaseError: The database cannot be built or written.
     """
     path = _cache_folder() / f"starter-{__version__}{DATABASE_SUFFIX}"
     if not path.exists():
@@ -26,13 +26,13 @@ def starter_database(progress: Progress = no_progress) -> Path:
             path.parent.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             what = f"the starter database cannot be written ({error.strerror})"
-            raise DatabaseError(what, where=str(path.parent), advice="name another motion database") from error
+            raise DatabaseError(what, where=str(path.parent), advice="choose another motion database") from error
         build_database([MOTION], path, progress=lambda share, _: progress(share, "building the starter database"))
     return path
 
 
 def _cache_folder() -> Path:
-    """Return the folder for files that can be made again, by the custom of the system."""
+    """Return this package's folder among the system's cache folders."""
     if sys.platform == "win32":
         base = Path(os.environ.get("LOCALAPPDATA") or Path.home() / "AppData" / "Local")
     elif sys.platform == "darwin":

@@ -1,8 +1,8 @@
-"""Motion database file: a JSON header and aligned arrays, mapped when opened.
+"""Motion database file: a JSON header and aligned arrays, which are memory-mapped when the file is opened.
 
 Layout: magic, version (u32), header length (u64), file length (u64), header digest (32 bytes), header (JSON), padding,
-arrays. File length and digest reveal a file that was cut off; checksums of the arrays, which files of earlier
-versions lack, reveal changes before a solve.
+arrays. The file length and the digest reveal a truncated file. Checksums of the arrays, which files of earlier versions
+lack, are compared before a solve and reveal changed bytes.
 """
 
 import hashlib
@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from ..body.skeleton import Skeleton
 from ..body.standard_skeleton import JOINT_NAMES
-from ..errors import DatabaseError
+from ..errors import DatabaseError, counted
 from ..geometry import rotations as rot
 from ..geometry.arrays import Array, FloatArray
 from ..system.file_content import check_kind
@@ -62,7 +62,7 @@ class Database:
         poses: Float32 rotation vectors (F, J - 1, 3) of all joints but the root: local = reference * exp(pose).
         root_rotations: Float32 world-from-root (F, 4).
         root_positions_m: Float32 positions (F, 3).
-        cells: Cell (F,) of similar frames, see `build_cells`; None in a small database.
+        cells: Index (F,) of each frame's cell of similar frames, see `build_cells`; None in a small database.
         culled_frames: Number of near-duplicates that were left out when the database was built.
         reference_poses: Reference poses of subjects that have their own; the others use the common one.
     """
@@ -91,7 +91,7 @@ class Database:
 
     @property
     def source_rates(self) -> dict[str, int]:
-        """Number of frames by the rate of their source files, frames per second."""
+        """Number of frames for each rate of the source files, Hz."""
         return self._frames_by(lambda clip: f"{clip.source_fps:g}")
 
     def _frames_by(self, key: Callable[[Clip], str]) -> dict[str, int]:
@@ -113,7 +113,7 @@ class Database:
         return np.array([own.get(subject, self.mean_rotations) for subject in subjects])
 
     def reference_pose_of(self, skeleton: Skeleton, name: str = "") -> Array:
-        """Return the reference pose (J, 4) of a recorded body or subject, or the common one for others.
+        """Return the reference pose (J, 4) of a recorded skeleton or subject, or the common one if there is none.
 
         Args:
             name: Name of the subject; a subject of this name in the database counts as the same person even if the
@@ -126,20 +126,20 @@ class Database:
         return found.rotations if found else self.mean_rotations
 
     def own_frames(self, skeleton: Skeleton, name: str = "") -> NDArray[np.bool_]:
-        """Return the frames (F,) of this body or of the subject with this name."""
+        """Return a mask (F,) of the frames with this skeleton or of the subject with this name."""
         same = [same_bones(body.offsets_m, skeleton.offsets_m) for body in self.skeletons]
         own = [same[clip.skeleton] or (name != "" and clip.subject == name) for clip in self.clips]
         return np.array(own, dtype=np.bool_)[self.clip_of_frame]
 
     def local_rotations(self, frames: Any) -> Array:
-        """Return local rotations (..., J, 4) of frames, world-from-root for the root."""
+        """Return the local rotations (..., J, 4) of frames; the root's is world-from-root."""
         references = self._reference_pose_of_clip[self.clip_of_frame[frames]]
         poses = np.asarray(self.poses[frames], dtype=np.float64)
         return rotations_from_pose(poses, references, self.root_rotations[frames])
 
 
 def same_bones(offsets_m: Array, others_m: Array, most_m: float = 2e-4) -> bool:
-    """Return whether two bodies' joint offsets (J, 3) differ by no more than rounding, `most_m`."""
+    """Return whether the joint offsets (J, 3) of two skeletons differ by rounding only, less than `most_m`."""
     return offsets_m.shape == others_m.shape and float(np.max(np.abs(offsets_m - others_m))) < most_m
 
 
@@ -154,7 +154,7 @@ def rotations_from_pose(pose: Array, mean_rotations: Array, root_rotation: Any) 
 def pose_from_rotations(rotations: Any, mean_rotations: Array) -> Array:
     """Return poses (..., J - 1, 3) of local rotations (..., J, 4)."""
     local = np.asarray(rotations, dtype=np.float64)[..., 1:, :]
-    # components of all frames in contiguous rows: several times as fast as `rot.to_rotation_vector`
+    # contiguous components make this several times as fast as `rot.to_rotation_vector`
     rows = np.ascontiguousarray(np.moveaxis(local.reshape(-1, *local.shape[-2:]), 0, -1))  # shape (J - 1, 4, F)
     turned = rot.left_matrices(rot.conjugate(mean_rotations[1:])) @ rows
     w, vectors = turned[:, 0], turned[:, 1:]
@@ -164,7 +164,7 @@ def pose_from_rotations(rotations: Any, mean_rotations: Array) -> Array:
 
 
 def save_database(database: Database) -> None:
-    """Write a database to its path, a large one with its cells; DatabaseError if its parts do not fit together."""
+    """Write a database to its path, with cells if it is large; DatabaseError if its parts do not fit together."""
     _check_parts(database)
     arrays: dict[str, NDArray[Any]] = {
         "mean_rotations": database.mean_rotations,
@@ -192,7 +192,8 @@ def _check_parts(database: Database) -> None:
     where, clips, shape = str(database.path), database.clips, database.root_positions_m.shape
     if not (SLOWEST <= database.fps <= FASTEST and database.frames):
         raise DatabaseError(
-            f"has {database.frames} frames at {database.fps:g} Hz, but needs some at {SLOWEST:g} to {FASTEST:g} Hz",
+            f"has {counted(database.frames, 'frame')} at {database.fps:g} Hz, "
+            f"but needs at least 1 at {SLOWEST:g} to {FASTEST:g} Hz",
             where=where,
             advice=REBUILD,
         )
@@ -233,7 +234,7 @@ def _write_file(stream: BinaryIO, facts: dict[str, Any], arrays: Mapping[str, ND
 
 
 def open_database(path: str | Path) -> Database:
-    """Return the database in a file with memory-mapped arrays; DatabaseError if it is not one or is cut off."""
+    """Return a file's database, with memory-mapped arrays; DatabaseError if the file is not a database or truncated."""
     path = Path(path)
     with open_foreign(path, DatabaseError) as stream, reading(path, DatabaseError, REBUILD):
         header, arrays = _map_arrays(path, stream)
@@ -274,7 +275,8 @@ def _read_header(path: Path, stream: BinaryIO) -> bytes:
         raise DatabaseError("is not a motion database", where=str(path), advice=REBUILD)
     _, version, header_bytes, file_bytes, digest = _PREAMBLE.unpack(preamble)
     if version not in _VERSIONS:
-        raise DatabaseError(f"has version {version}, not {_CELLS_VERSION}", where=str(path), advice=REBUILD)
+        what = f"has version {version}, but only versions {_VERSIONS[0]} to {_VERSIONS[-1]} can be read"
+        raise DatabaseError(what, where=str(path), advice=REBUILD)
     if size != file_bytes:
         raise DatabaseError(f"is cut off: {size} of {file_bytes} bytes", where=str(path), advice=REBUILD)
     header = stream.read(min(header_bytes, size))

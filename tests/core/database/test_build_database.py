@@ -86,7 +86,9 @@ def test_include_and_exclude_by_name_and_behaviour(folder: Path, tmp_path: Path)
     assert names(include=["stroll"]) == names(include=["walk_*"]) == names(exclude=["sprint"]) == ["walk_01"]
     assert names(include=["stroll", "run_02.bvh"]) == ["run_02", "walk_01"]
     assert names(include=["*_0*"], exclude=["stroll"]) == ["run_02"]
-    with pytest.raises(DatabaseError, match=r"or behaviour matches 'swim'; behaviours: broken, sprint, stroll"):
+    with pytest.raises(
+        DatabaseError, match=r"or behaviour matches 'swim'; choose from the behaviours broken, sprint, stroll"
+    ):
         names(include=["swim"])
     with pytest.raises(DatabaseError, match="no usable motion"):
         names(exclude=["*"])
@@ -355,13 +357,13 @@ def test_what_is_too_short_is_named(folder: Path, tmp_path: Path) -> None:
     write_bvh(waving("short", 2, 60.0), folder / "short.bvh")
     report = build_database([folder], tmp_path / "a.db")
     row = {"file": "motion/short.bvh", "frames": "1-2"}
-    row["defect"] = "too short, 2 frames at 60 per second, at least 4 are needed"
+    row["defect"] = "only 2 frames at 60 Hz, but at least 4 are needed"
     assert report["defects"] == [row | {"done": "left out"}]
 
 
 def test_what_leaves_nothing_is_named(folder: Path, tmp_path: Path) -> None:
     write_bvh(waving("short", 1, 60.0), tmp_path / "short.bvh")
-    with pytest.raises(DatabaseError, match=r"short.bvh: too short, 1 frame at 60 per second, at least 4 are needed"):
+    with pytest.raises(DatabaseError, match=r"short.bvh: only 1 frame at 60 Hz, but at least 4 are needed"):
         build_database([tmp_path / "short.bvh"], tmp_path / "a.db")
     with zipfile.ZipFile(tmp_path / "outer.zip", "w") as outer:
         outer.write(_zip(folder, tmp_path / "inner.zip"), "sub/inner.zip")
