@@ -1,1 +1,1 @@
-"""Simulated performers, markers and cameras, with their truth."""
+"""Simulated performers, markers and cameras, with their ground truth."""

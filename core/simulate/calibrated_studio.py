@@ -26,17 +26,17 @@ def views_of_board(renderer: Renderer, board: Board, count: int) -> dict[str, di
 
 
 def calibrate_studio(source: SimulatedSource, pictures: int = 24) -> CalibrationResult:
-    """Return the cameras calibrated from so many pictures of the board each."""
+    """Return the calibration of the cameras from `pictures` board pictures per camera."""
     views = views_of_board(source.renderer, DEFAULT_BOARD, pictures)
     cameras = [CameraViews(camera.name, camera.image_size, views[camera.name]) for camera in source.rig.cameras]
     return calibrate_from_points(DEFAULT_BOARD.points_m, cameras)
 
 
 def studio_on_floor(rig: CameraRig, source: SimulatedSource) -> CameraRig:
-    """Return the cameras with the world on the floor, from one picture of the board per camera.
+    """Return the rig in a world with the floor at y = 0, found from one picture of the board per camera.
 
     Raises:
-        CaptureError: A camera does not show the board.
+        CaptureError: The board is not found in a camera's picture.
     """
     board = DEFAULT_BOARD
     pose, before_m = board_on_floor(board)
@@ -47,7 +47,8 @@ def studio_on_floor(rig: CameraRig, source: SimulatedSource) -> CameraRig:
         source.renderer.add_noise(image, i, 0)
         view = find_board(image, board)
         if view is None:
-            raise CaptureError("the board on the floor was not found", where=f"camera {camera.name}")
+            what, advice = "the board on the floor was not found", "use cameras that see the whole board"
+            raise CaptureError(what, where=f"camera {camera.name}", advice=advice)
         corners.append(rig.cameras[i].undistort(view.pixels))
     seen = np.stack(corners, axis=1)
     points, _, _ = triangulate(rig.cameras, seen, np.ones(seen.shape[:2]), 0.3)

@@ -30,7 +30,7 @@ FPS, SECONDS, EMPTY_FRAMES = 30.0, 6.0, 6
 
 @dataclass(frozen=True)
 class Studio:
-    """Pictures of a studio, and its user's calibration.
+    """Pictures taken in a studio, and its user's calibration.
 
     Args:
         empty: Images of the empty room, by moment.

@@ -1,7 +1,7 @@
-"""Pictures and videos made without Blender: a shaded figure, and detections drawn on images.
+"""Pictures and videos made without Blender: a shaded body, and detections drawn on images.
 
-Images are uint8 BGR and are changed in place; poses are those of `forward_kinematics` in a world with the floor at
-y = 0.
+Images are uint8 BGR and are changed in place; poses are as `forward_kinematics` takes them, in a world with the floor
+at y = 0.
 """
 
 from collections.abc import Mapping, Sequence
@@ -26,12 +26,12 @@ from .studio.studio_settings import TABLES
 
 @dataclass(frozen=True)
 class PreviewStyle:
-    """Look of the pictures; colours are BGR."""
+    """Style of the pictures; colours are BGR."""
 
     shadow: tuple[float, float] = (-0.42, -0.40)  # shift of a shadow in x and z per metre of height
     ring: tuple[float, float, float] = (90.0, 230.0, 120.0)  # colour of the rings around detections
     line: tuple[float, float, float] = (92.0, 86.0, 80.0)  # colour of the floor's lines
-    gap_px: int = 4  # between pictures
+    gap_px: int = 4  # width of the gaps between pictures
     gap_level: int = 24  # grey level of the gaps
 
 
@@ -40,7 +40,7 @@ _STYLE = PreviewStyle()
 
 @dataclass(frozen=True)
 class CharacterStyle:
-    """Colours of a character's trunk, head, left and right sides; its opacity (0 to 1)."""
+    """Colours of a body's trunk, head, left side and right side, and its opacity (0 to 1)."""
 
     colours: Mapping[str, Colour]
     opacity: float = 1.0
@@ -52,7 +52,7 @@ TRUTH = CharacterStyle(dict.fromkeys(SOLVED.colours, (120.0, 200.0, 120.0)), 0.3
 
 
 class CharacterPainter:
-    """Draws the body of one skeleton as seen by one camera."""
+    """Painter of one skeleton's body as seen by one camera."""
 
     def __init__(self, camera: Camera, skeleton: Skeleton, style: CharacterStyle = SOLVED) -> None:
         self.camera = camera
@@ -61,7 +61,7 @@ class CharacterPainter:
         self.body = replace(body, materials=tuple(_part(skeleton.names[joint]) for joint in body.joints))
 
     def draw(self, image: Image, rotations: ArrayLike, root_position_m: ArrayLike) -> None:
-        """Draw a pose, rotations (J, 4) and root (3,), with its shadow on the floor."""
+        """Draw a pose, given by rotations (J, 4) and root position (3,), with its shadow on the floor."""
         cones = self.body.cones(np.asarray(rotations, dtype=np.float64), np.asarray(root_position_m, dtype=np.float64))
         if self.style.shadow:
             _draw_shadow(image, self.camera, cones)
@@ -143,7 +143,7 @@ def write_contact_sheet(path: str | Path, frames: Sequence[Image], columns: int 
         CaptureError: There are no pictures, or the file cannot be written.
     """
     if not frames:
-        raise CaptureError("there are no pictures for the contact sheet", where=str(path))
+        raise CaptureError("there are no pictures for the contact sheet", where=str(path), advice="give at least one")
     columns, gap = min(columns, len(frames)), _STYLE.gap_px
     cell = (width - gap * (columns + 1)) // columns
     height = round(frames[0].shape[0] * cell / frames[0].shape[1])
@@ -169,7 +169,7 @@ def _draw_shadow(image: Image, camera: Camera, cones: RoundCones) -> None:
     a, b = (ends[:, [0, 2]] + np.maximum(ends[:, 1:2], 0.0) * _STYLE.shadow for ends in (cones.starts, cones.ends))
     flat = outlines(a, b, cones.start_radii, cones.end_radii)
     polygons = camera.project(np.insert(flat, 1, 0.0, axis=-1))
-    polygons = polygons[np.isfinite(polygons).all(axis=(1, 2))]  # without those behind the camera
+    polygons = polygons[np.isfinite(polygons).all(axis=(1, 2))]  # leaves out cones behind the camera
     mask = np.zeros(image.shape[:2], dtype=np.uint8)
     for polygon in np.rint(np.clip(polygons, -4000.0, 4000.0)).astype(np.int32):
         cv2.fillConvexPoly(mask, polygon, (150.0,))

@@ -1,6 +1,6 @@
 """Demo: simulated performer, cameras, calibration, tracking, solving and report.
 
-The truth is only used to measure the result.
+The ground truth is only used to measure the result.
 """
 
 import time
@@ -56,7 +56,7 @@ from .studio.video import write_video
 
 MARKER_SET = "boxing"
 _VIDEO_EVERY = 2  # the video shows every second frame
-_POSES_BEFORE = ("hanging", "motorcycle")  # calibration poses with which the performance does not begin
+_POSES_BEFORE = ("hanging", "motorcycle")  # calibration poses held before the performance, which has only the T pose
 _FIGURES = (
     "deg_per_joint",
     "deg_per_angle",
@@ -87,7 +87,7 @@ class Recording:
 
 
 def run_demo(out: Path, seconds: float, progress: Progress) -> dict[str, Any]:
-    """Run the whole process and write its results to the folder `out`.
+    """Run the whole demo and write its results to the folder `out`.
 
     Returns:
         The report: figures, timings and the files written.
@@ -136,7 +136,7 @@ def embedded_database(path: Path, progress: Progress) -> Database:
 
 
 def _record(source: SimulatedSource, rig: CameraRig, progress: Progress) -> Recording:
-    """Film and track the performance."""
+    """Record and track the performance."""
     pipeline = MarkerPipeline(rig)
     pipeline.learn_empty(list(source.background_frames(60)))
     frames: list[MarkerFrame] = []
@@ -149,7 +149,7 @@ def _record(source: SimulatedSource, rig: CameraRig, progress: Progress) -> Reco
         if images.number % _VIDEO_EVERY == 0:
             pictures[images.number] = images.images[0]
         if images.number % 30 == 0:
-            progress(0.1 + 0.4 * images.number / source.frames, "filming and tracking the performance")
+            progress(0.1 + 0.4 * images.number / source.frames, "recording and tracking the performance")
     return Recording(source, rig, tuple(frames), pictures, spent)
 
 
@@ -176,7 +176,7 @@ def _write(
     poses: list[PerformerPose],
     progress: Progress,
 ) -> dict[str, str]:
-    """Write motion, calibration and preview; return their paths."""
+    """Write motion, calibration and preview to files; return their paths by content."""
     files = {
         "motion": out / "demo.bvh",
         "truth": out / "truth.bvh",
@@ -207,7 +207,7 @@ def _write(
 
 
 def _previews(recording: Recording, subject: Subject, truth: Motion, poses: list[PerformerPose]) -> Iterator[Image]:
-    """Yield the left camera's images with detections, next to the solved character."""
+    """Yield the left camera's images with detections, next to the solved pose."""
     camera = preview_camera(np.array([pose.root_position_m for pose in poses]))
     stage = floor_image(camera)
     solved_painter = CharacterPainter(camera, subject.skeleton)

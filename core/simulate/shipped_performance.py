@@ -22,22 +22,22 @@ T_POSE_S = 2.0  # duration of the T pose at the start of each performance
 RADIANS_A_STEP = np.pi / 32767  # rotation vectors are stored as 16-bit integers: 0.005 degrees
 METRES_A_STEP = 1e-4
 _LEAST_S = 5.0
-_MOST_FRAMES = 300_000  # 280 MB; 83 minutes at 60 Hz
+_MOST_FRAMES = 300_000  # takes 280 MB and lasts 83 minutes at 60 Hz
 
 
 def load_performance(behaviour: str) -> tuple[Motion, int]:
     """Return a shipped performance and its first frame after the T pose.
 
     Args:
-        behaviour: "demo", or one of `BEHAVIOURS` or the beginning of one ("walk").
+        behaviour: "demo", one of `BEHAVIOURS`, or the beginning of such a name ("walk").
 
     Raises:
-        SettingsError: No behaviour begins like this, or several do.
+        SettingsError: No name begins with this text, or several do.
     """
     fitting = [name for name in (DEMO, *BEHAVIOURS) if name.startswith(behaviour)]
     if len(fitting) != 1:
         names = ", ".join((DEMO, *BEHAVIOURS))
-        raise SettingsError(f"unknown behaviour {behaviour!r}", advice=f"behaviours: {names}")
+        raise SettingsError(f"unknown behaviour {behaviour!r}", advice=f"choose one of {names}")
     with np.load(PERFORMANCES / f"{fitting[0]}.npz", allow_pickle=False) as arrays:
         vectors = RADIANS_A_STEP * np.cumsum(arrays["rotation_steps"], axis=0, dtype=np.int16).astype(np.float64)
         roots = METRES_A_STEP * np.cumsum(arrays["root_steps"], axis=0, dtype=np.int32).astype(np.float64)
@@ -57,15 +57,16 @@ def performance(
     """Return a performance, a T pose followed by a behaviour, with a given duration and body.
 
     Args:
-        seconds: Duration to which the behaviour is cut or extended by repetition; None keeps its own duration.
-        skeleton: Body with the standard skeleton's joints; None keeps the performance's own body.
+        seconds: Duration of the whole motion, to which the behaviour is cut or repeated; None keeps it as shipped.
+        skeleton: Skeleton with the standard joints; None keeps the performance's own skeleton.
         mirrored: Swap left and right.
 
     Raises:
-        SettingsError: The behaviour is unknown, or duration or frame rate are out of range.
+        SettingsError: The behaviour is unknown, or the duration or the frame rate is out of range.
     """
     if not LEAST_FPS <= fps <= MOST_FPS:
-        raise SettingsError(f"frame rate {fps:g} is out of range", advice=f"use {LEAST_FPS:g} to {MOST_FPS:g}")
+        advice = f"use {LEAST_FPS:g} to {MOST_FPS:g} frames per second"
+        raise SettingsError(f"the frame rate {fps:g} is out of range", advice=advice)
     motion, start = load_performance(behaviour)
     if mirrored:
         motion = replace(

@@ -1,4 +1,4 @@
-"""Keypoints as networks find them: near the joints, with errors that last."""
+"""Keypoints as networks find them: near the joints, with errors that persist for several frames."""
 
 from dataclasses import dataclass, replace
 
@@ -12,12 +12,12 @@ from .simulated_markers import simulate_markers
 
 @dataclass(frozen=True)
 class KeypointErrors:
-    """Errors of keypoints; standard deviations are of one coordinate."""
+    """Errors of keypoints; standard deviations are per coordinate."""
 
-    own_m: tuple[float, float] = (0.01, 0.03)  # a person's constant offset of a point, smallest and largest length
-    slow_m: float = 0.025  # errors that last
-    slow_s: tuple[float, float] = (0.2, 0.5)  # their time constants, smallest and largest
-    fast_m: float = 0.006  # noise from frame to frame
+    own_m: tuple[float, float] = (0.01, 0.03)  # smallest and largest constant offset of one person's keypoint
+    slow_m: float = 0.025  # standard deviation of the slow errors
+    slow_s: tuple[float, float] = (0.2, 0.5)  # smallest and largest time constant of the slow errors
+    fast_m: float = 0.006  # standard deviation of the noise that is independent in every frame
 
 
 USUAL = KeypointErrors()
@@ -26,7 +26,7 @@ USUAL = KeypointErrors()
 def simulate_keypoints(
     motion: Motion, keypoints: MarkerSet, seed: int = 0, errors: KeypointErrors = USUAL
 ) -> MarkerTake:
-    """Return the keypoints of a moving person with a random person's offsets and errors.
+    """Return the keypoints of a motion, with the constant offsets of a random person and with random errors.
 
     Args:
         keypoints: Set of keypoints with their usual offsets.

@@ -14,11 +14,11 @@ from ..markers.subject import Subject
 def simulate_markers(
     motion: Motion, markers: MarkerSet | Subject, noise_mm: float = 0.0, dropout: float = 0.0, seed: int = 0
 ) -> tuple[MarkerTake, Motion]:
-    """Return the marker take of an ideal system with added noise and gaps, and the motion.
+    """Return the marker take that an ideal system would record, with added noise and gaps, and the motion.
 
     Args:
         motion: Motion of a skeleton with the joints that carry the markers.
-        markers: Marker set with offsets, or a subject; the bones are the motion's.
+        markers: Marker set with offsets, or a subject, whose own bone lengths are not used.
         noise_mm: Standard deviation of Gaussian noise on each coordinate.
         dropout: Share of missing marker positions, in gaps of 0.15 s on average.
 
@@ -30,7 +30,7 @@ def simulate_markers(
     if not (np.isfinite(noise_mm) and noise_mm >= 0.0):
         raise SettingsError(f"marker noise of {noise_mm} mm is out of range", advice="give 0 or more")
     if not 0.0 <= dropout < 1.0:
-        raise SettingsError(f"dropout of {dropout} is out of range", advice="give 0 or more, and less than 1")
+        raise SettingsError(f"dropout of {dropout} is out of range", advice="give at least 0 and less than 1")
     chosen = markers.marker_set if isinstance(markers, Subject) else markers
     generator = np.random.default_rng(seed)
     positions = marker_positions(

@@ -1,1 +1,1 @@
-"""Simulated studio: cameras, body, room and boards, their images, and the truth."""
+"""Simulated studio: cameras, body, room and boards, their images, and the ground truth."""

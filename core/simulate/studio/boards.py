@@ -18,16 +18,16 @@ from .render import Renderer
 from .studio_rig import looking_at
 
 DEFAULT_BOARD = Board("chessboard", 9, 6, 0.08)
-_FIRST_NUMBER = 10_000_000  # frame numbers of board pictures, distinct from those of performances
+_FIRST_NUMBER = 10_000_000  # first frame number of board pictures; no performance is that long
 
 
 @dataclass(frozen=True)
 class BoardSettings:
-    """Positions and drawing of boards."""
+    """Settings for placing and drawing boards."""
 
     candidates: int = 600  # number of random positions from which the best are chosen
-    samples: int = 4  # samples per pixel and axis
-    rim: float = 1.7  # distance from the outer corners to the edge of the paper, squares
+    samples: int = 4  # samples per pixel along each axis
+    rim: float = 1.7  # distance from the outer corners to the edge of the paper, in squares
     cell_px: int = 64  # side of the image regions that board positions should cover
     print_px: int = 120  # side of a printed ChArUco square; code cells are whole pixels at usual sizes
 
@@ -58,12 +58,12 @@ class BoardPicture:
 
 
 def board_poses(rig: CameraRig, board: Board, count: int) -> tuple[BoardPose, ...]:
-    """Return tilted board positions in which all cameras see the whole board.
+    """Return poses of a tilted board that all cameras see whole.
 
-    Each is the random candidate that best covers the image regions covered least so far.
+    Each is the random candidate that best covers the image regions that earlier ones have covered least.
 
     Raises:
-        SettingsError: In no position do all cameras see the board.
+        SettingsError: There is no pose in which all cameras see the board.
     """
     rng = np.random.default_rng([0, 4])
     focus = _focus(rig)
@@ -74,7 +74,7 @@ def board_poses(rig: CameraRig, board: Board, count: int) -> tuple[BoardPose, ..
         if cells is not None:
             candidates.append((pose, cells))
     if not candidates:
-        raise SettingsError("no place in the room lets all cameras see the board", advice="use a smaller board")
+        raise SettingsError("nowhere in the room do all cameras see the whole board", advice="use a smaller board")
     visits = np.zeros(len(candidates[0][1]))
     chosen = []
     for _ in range(min(count, len(candidates))):
@@ -94,7 +94,7 @@ def board_pictures(renderer: Renderer, board: Board = DEFAULT_BOARD, count: int 
 
 
 def _drawn(renderer: Renderer, board: Board, pose: BoardPose, samples: int = _SETTINGS.samples) -> list[Image]:
-    """Return the room with a board for all cameras, without noise."""
+    """Return each camera's image of the room with a board, without noise."""
     images = [renderer.lit_room(i) for i in range(len(renderer.rig))]
     for image, camera in zip(images, renderer.rig.cameras, strict=True):
         draw_board(image, camera, board, pose, samples)
@@ -110,7 +110,8 @@ def _with_noise(renderer: Renderer, drawn: Sequence[Image], number: int) -> tupl
 
 def board_on_floor(board: Board = DEFAULT_BOARD) -> tuple[BoardPose, float]:
     """Return the pose of a board on the floor and its distance from the origin, metres."""
-    flat, before_m = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]), 0.6  # whole in all images
+    # at this distance, all cameras see the whole board
+    flat, before_m = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]), 0.6
     return BoardPose(flat, [0.0, 0.0, before_m] - flat @ board.points_m.mean(axis=0)), before_m
 
 
@@ -145,10 +146,10 @@ def _between(start: BoardPose, end: BoardPose, f: float) -> BoardPose:
 
 
 def draw_board(image: Image, camera: Camera, board: Board, pose: BoardPose, samples: int = _SETTINGS.samples) -> None:
-    """Draw a board into an image, in place: bent by the lens, anti-aliased, blurred.
+    """Draw a board into an image, in place, with lens distortion, anti-aliasing and blur.
 
     Args:
-        samples: Samples per pixel and axis.
+        samples: Samples per pixel along each axis.
     """
     outline = camera.project(pose.points(_outline(board)))
     pad = 3
@@ -175,7 +176,7 @@ def _fine(start: int, stop: int, samples: int) -> Array:
 
 
 def _pattern(board: Board, x: Array, y: Array) -> tuple[FloatArray, FloatArray]:
-    """Return paper (0 or 1) and darkness (0 or 1) at positions on the board, metres."""
+    """Return masks (0 or 1) of paper and of ink at positions on the board, metres."""
     column, row = x / board.square_m, y / board.square_m
     columns, rows = board.corner_grid
     paper = (
@@ -219,7 +220,7 @@ def _focus(rig: CameraRig) -> Array:
         across = np.eye(3) - np.outer(camera.rotation[2], camera.rotation[2])
         normal += across
         right += across @ camera.centre_m
-    # a small weight on a point 3 m ahead decides for parallel axes and for a single camera
+    # a small weight on a point 3 m ahead determines the point for parallel axes and for a single camera
     ahead = np.mean([camera.centre_m + 3.0 * camera.rotation[2] for camera in rig.cameras], axis=0)
     return np.linalg.solve(normal + 1e-3 * np.eye(3), right + 1e-3 * ahead)
 
@@ -237,7 +238,7 @@ def _candidate(rig: CameraRig, board: Board, focus: Array, rng: np.random.Genera
 
 
 def _covered(rig: CameraRig, board: Board, pose: BoardPose) -> Array | None:
-    """Return the image regions (0 or 1) with corners, or None unless all cameras see the whole board."""
+    """Return a mask (0 or 1) of the image regions with corners; None unless all cameras see the whole board."""
     cells = []
     rim, corners = pose.points(_outline(board)), pose.points(board.points_m)
     for camera in rig.cameras:

@@ -1,7 +1,7 @@
 """Bright discs drawn through a slightly blurred lens, with exact centres.
 
 A sharp disc a few pixels wide, sampled by square pixels, has a centroid that is off by up to 0.02 pixels; no real lens
-is that sharp. The coverage of the disc is therefore exact on a finer grid, then blurred and summed into pixels.
+is that sharp. The disc's coverage is therefore computed exactly on a finer grid, then blurred and summed into pixels.
 """
 
 from functools import lru_cache
@@ -16,10 +16,11 @@ _CELLS = 4  # cells per pixel in x, covered exactly
 
 
 def disc_light(centres: Array, radius: float, blur_px: float) -> tuple[int, int, Array]:
-    """Return the light of a disc in its pixels: left, top, shares (height, width).
+    """Return the first column and row of a disc's pixels, and how far (0 to 1) it covers each (height, width).
 
     Args:
-        centres: Centres (S, 2) at several times during the exposure, averaged, pixels; pixel centres are whole numbers.
+        centres: Disc centres (S, 2) at S times of the exposure, whose coverages are averaged; pixels, with pixel
+            centres at whole numbers.
         radius: Radius in pixels.
         blur_px: Standard deviation of the lens's blur.
     """
@@ -30,7 +31,7 @@ def disc_light(centres: Array, radius: float, blur_px: float) -> tuple[int, int,
     edges = low[0] - 0.5 + np.arange(columns * _CELLS + 1) / _CELLS
     x = centres[:, :1]
     filled = np.minimum(np.maximum(edges, (x - half)[..., None]), (x + half)[..., None])
-    # length of the chord left of each edge; differences between edges are lengths within cells
+    # cell edges clipped to the disc's chord on each line: their differences are the covered lengths of the cells
     length = filled[..., 1:] - filled[..., :-1]
     inside = (length[0] if len(length) == 1 else length.sum(axis=0) / len(length)) * _CELLS
     light: Array = _gather(rows, _LINES, blur_px) @ inside @ _gather(columns, _CELLS, blur_px).T
@@ -44,7 +45,7 @@ def _margin(blur_px: float) -> int:
 
 @lru_cache(maxsize=256)
 def _gather(pixels: int, cells: int, blur_px: float) -> Array:
-    """Return weights (pixels and margins, cells): the light of each cell in each pixel."""
+    """Return weights (P, C) that blur the light of C cells and sum it into P pixels, margins included."""
     margin = _margin(blur_px)
     place = -0.5 + (np.arange(pixels * cells) + 0.5) / cells
     offset = place - np.arange(-margin, pixels + margin)[:, None]

@@ -1,4 +1,4 @@
-"""Simulated recordings on disk: videos, background, board pictures and the truth."""
+"""Simulated recordings on disk: videos, background, board pictures and the ground truth."""
 
 import shutil
 import tempfile
@@ -43,12 +43,12 @@ def export_recording(
 ) -> dict[str, Any]:
     """Write a simulated recording to a new folder and return a summary.
 
-    For each camera NAME, the folder contains `NAME.mkv`, `background/NAME.mkv`, `board/NAME/000.png`, ...; in `truth`,
-    cameras.toml, subject.toml, motion.bvh, markers.take.npz, image_truth.npz and board_truth.npz. It appears only once
-    it is complete.
+    For each camera NAME, the folder contains `NAME.mkv`, `background/NAME.mkv` and `board/NAME/000.png`, ...; its
+    folder `truth` contains cameras.toml, subject.toml, motion.bvh, markers.take.npz, image_truth.npz and
+    board_truth.npz. The new folder appears only once it is complete.
 
     Raises:
-        CaptureError: The folder exists and is not empty, or cannot be written.
+        CaptureError: The folder exists and is not empty, or it cannot be written.
     """
     files = files or RecordingFiles()
     names = [camera.name for camera in source.rig.cameras]
@@ -58,7 +58,7 @@ def export_recording(
         _write_board(source, folder, files.board_views, progress)
         with _videos(source, folder / "background", files) as write:
             for number, images in enumerate(source.background_frames(files.background_frames)):
-                progress(0.15 + 0.05 * number / files.background_frames, "taking the empty room")
+                progress(0.15 + 0.05 * number / files.background_frames, "taking images of the empty room")
                 write(images)
         truths = []
         with _videos(source, folder, files) as write:

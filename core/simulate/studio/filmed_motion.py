@@ -34,11 +34,11 @@ class Performance:
 
     @property
     def everybody(self) -> "tuple[Performance, ...]":
-        """The performer and the partners, each without their partners."""
+        """The first performer and the partners, each as a performance without partners."""
         return (replace(self, partners=()), *self.partners)
 
     def cones_at(self, time_s: float) -> RoundCones:
-        """Return the performer's body at a time; it is still before and after the motion."""
+        """Return the performer's body at a time; before and after the motion it does not move."""
         times = np.array([time_s])
         return self.body.placed(*(_sampled(ends, self.motion.fps, times)[0] for ends in (self.starts_m, self.ends_m)))
 
@@ -56,7 +56,7 @@ def make_performance(
     offsets_m: ArrayLike,
     carried: Carried | None = None,
 ) -> Performance:
-    """Return a motion with markers on the performer.
+    """Return the performance of a motion by a body with markers.
 
     Args:
         joints: Joint (M,) that carries each marker.

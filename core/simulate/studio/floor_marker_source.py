@@ -15,7 +15,7 @@ from .studio_rig import FPS
 from .studio_settings import StudioSettings
 
 SETTINGS = StudioSettings(draw_body=False, occlusion=False)
-PLACES_M = np.array([[-0.5, 0.85], [0.45, 0.9], [0.5, 0.35], [-0.45, 0.3]])  # x and z
+PLACES_M = np.array([[-0.5, 0.85], [0.45, 0.9], [0.5, 0.35], [-0.45, 0.3]])  # positions on the floor, x and z
 
 
 class FloorMarkers(ClosableSource):

@@ -32,7 +32,7 @@ def outlines(a: Array, b: Array, ra: Array, rb: Array) -> Array:
     axis = b - a
     length = np.maximum(np.hypot(axis[:, 0], axis[:, 1]), 1e-9)
     heading = np.arctan2(axis[:, 1], axis[:, 0])[:, None]
-    # the common tangents touch both circles at this angle from the axis; for a circle inside the other there are none
+    # the common tangents touch both circles at this angle from the axis; if one contains the other, there are none
     opening = np.arccos(np.clip((ra - rb) / length, -1.0, 1.0))[:, None]
     angle_b = heading - opening + 2.0 * opening * _ARC
     angle_a = heading + opening + 2.0 * (np.pi - opening) * _ARC

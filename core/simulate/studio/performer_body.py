@@ -1,6 +1,6 @@
-"""Body of the performer: round cones on a skeleton, with usual adult proportions.
+"""Body of the performer: round cones on a skeleton, with typical adult proportions.
 
-Studio and preview draw this body, and it hides markers from the cameras.
+The studio and the preview draw this body, and in the studio it hides markers from the cameras.
 """
 
 from dataclasses import dataclass, replace
@@ -30,7 +30,7 @@ class Body:
         ends_m: Ends (P, 3) of the cones' axes in the joint's axes.
         start_radii_m: Radii (P,) at the starts.
         end_radii_m: Radii (P,) at the ends.
-        materials: Materials (P): "suit", "trousers", "skin", "shoes" or "wood".
+        materials: Material (P,) of each cone: "suit", "trousers", "skin", "shoes" or "wood".
     """
 
     skeleton: Skeleton
@@ -54,11 +54,11 @@ class Body:
         return origin + rot.rotate(turn, self.starts_m), origin + rot.rotate(turn, self.ends_m)
 
     def cones(self, rotations: Array, root_position_m: Array) -> RoundCones:
-        """Return the body in one pose, rotations (J, 4) and root (3,)."""
+        """Return the body in one pose, given by rotations (J, 4) and root position (3,)."""
         return self.placed(*self.posed(rotations, root_position_m))
 
     def with_wood(self, joints: IntArray, starts_m: Array, ends_m: Array, radii_m: Array) -> "Body":
-        """Return the body with additional cones (P,) for something held."""
+        """Return the body with more cones (P,) for a held object."""
         return replace(
             self,
             joints=np.concatenate((self.joints, joints)),
@@ -70,12 +70,12 @@ class Body:
         )
 
     def placed(self, starts: Array, ends: Array) -> RoundCones:
-        """Return the body with its axes at world positions (P, 3)."""
+        """Return the body's cones with their axes between world positions (P, 3)."""
         return RoundCones(starts, ends, self.start_radii_m, self.end_radii_m)
 
 
 def make_body(skeleton: Skeleton) -> Body:
-    """Return the body of a skeleton, with an adult's girths.
+    """Return the body of a skeleton, with an adult's girth.
 
     Joints that are not in the standard skeleton get a thin cone along their bone.
     """
@@ -92,7 +92,7 @@ def make_body(skeleton: Skeleton) -> Body:
 
 
 def with_sticks(body: Body, joints: IntArray, offsets_m: Array) -> Body:
-    """Return the body with a stick to each marker more than 0.2 m away, such as a sword's tip.
+    """Return the body with a stick to each marker that is more than 0.2 m off its joint's cones, such as a sword's tip.
 
     Args:
         joints: Joint (M,) that carries each marker.
@@ -129,7 +129,7 @@ def _limb(joint: str) -> str:
 
 
 def _size(skeleton: Skeleton) -> float:
-    """Return the mean ratio of the bone lengths to the default skeleton's."""
+    """Return the sum of the bone lengths as a multiple of the default skeleton's."""
     reference = default_skeleton()
     common = [name for name in skeleton.names if name in reference.names]
     own, other = (

@@ -1,4 +1,4 @@
-"""Images of the simulated cameras with room, body, markers and noise, and their truth."""
+"""Images of the simulated cameras with room, body, markers and noise, and their ground truth."""
 
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
@@ -20,7 +20,7 @@ from .studio_settings import StudioSettings
 
 @dataclass(frozen=True)
 class FrameTruth:
-    """Truth of one set of images.
+    """Ground truth of one image set.
 
     Args:
         time_s: Time since the start of the performance.
@@ -42,14 +42,14 @@ class FrameTruth:
 
 @dataclass(frozen=True)
 class StudioFrame(ImageSet):
-    """Images of all cameras (BGR, uint8), and the truth."""
+    """Images of all cameras (BGR, uint8), and their ground truth."""
 
     truth: FrameTruth = field(kw_only=True)
 
 
 @dataclass(frozen=True)
 class _ImagedMarkers:
-    """Markers in one image: paths (M, S, 2) during the exposure, centres (M, 2), radii, depths, visible ones (M,)."""
+    """Markers in one image: paths (M, S, 2) during the exposure, centres (M, 2), radii, depths and visibility (M,)."""
 
     paths: Array
     centres: Array
@@ -59,7 +59,7 @@ class _ImagedMarkers:
 
 
 class Renderer:
-    """The cameras of a rig in the simulated room."""
+    """Renderer of the images that a rig's cameras take in the simulated room."""
 
     def __init__(self, rig: CameraRig, settings: StudioSettings | None = None) -> None:
         self.rig = rig
@@ -85,7 +85,7 @@ class Renderer:
         return self._lit[camera].copy()
 
     def render(self, performance: Performance, time_s: float, number: int) -> StudioFrame:
-        """Return the images of all cameras at a time, with their truth.
+        """Return the images of all cameras at a time, with their ground truth.
 
         The same number and seed give the same noise.
         """
@@ -172,7 +172,7 @@ class Renderer:
                 draw_disc(image, path, radius, colour, self.settings.lens_blur_px)
 
     def _ghosts(self, camera: int, time_s: float) -> list[tuple[Array, float, float]]:
-        """Return centre, radius and brightness of false blobs that wander slowly and disappear at times."""
+        """Return centre, radius and brightness of false blobs that wander slowly and disappear from time to time."""
         shown = []
         size = np.array(self.rig.cameras[camera].image_size, dtype=np.float64)
         for ghost in range(self.settings.ghosts):
@@ -186,7 +186,7 @@ class Renderer:
 
 
 def _from_afar(camera: Camera, performance: Performance, time: float) -> list[tuple[Performance, RoundCones]]:
-    """Return all performers with their bodies at a time, those far from the camera first."""
+    """Return all performers with their bodies at a time, the farthest from the camera first."""
     placed = [(one, one.cones_at(time)) for one in performance.everybody]
     return sorted(placed, key=lambda pair: -float(camera.to_camera(pair[1].starts)[:, 2].mean()))
 
@@ -208,7 +208,7 @@ def _behind_another(centres: Array, radii: Array, depth: Array) -> Mask:
 
 
 def _views(rig: CameraRig, boxes: tuple[Box, ...]) -> tuple[RoomView, ...]:
-    """Draw the room for all cameras in parallel, which is the slowest part of the start."""
+    """Draw the room for all cameras, in parallel because this takes longest when a studio opens."""
     with ThreadPoolExecutor(len(rig)) as pool:
         return tuple(pool.map(view_room, rig.cameras, repeat(boxes)))
 

@@ -15,7 +15,7 @@ from .studio_settings import TABLES
 
 @dataclass(frozen=True)
 class Box:
-    """Box with edges along the axes: corners in metres, BGR colour; a lamp emits light."""
+    """Axis-aligned box: corners in metres, BGR colour; a lamp emits light."""
 
     low: tuple[float, float, float]
     high: tuple[float, float, float]
@@ -27,7 +27,7 @@ FURNITURE = tuple(Box(**row) for row in TABLES["furniture"])
 MOVED_OBJECT = Box((-1.95, 0.0, -1.9), (-1.5, 0.62, -1.5), (96, 70, 130))
 _ROOM = Box((-3.4, 0.0, -2.6), (3.4, 2.8, 6.0), (81.0, 84.0, 82.0))
 _CEILING = (150.0, 150.0, 150.0)
-_LIGHT = (0.64, 0.89, 0.72)  # brightness of the faces across x, y, z
+_LIGHT = (0.64, 0.89, 0.72)  # brightness of the faces perpendicular to x, y and z
 
 
 @dataclass(frozen=True)
@@ -86,7 +86,7 @@ def _faces(origin: Array, rays: Array, box: Box) -> tuple[tuple[Array, IntArray]
     A ray misses the box if it would leave before it enters.
     """
     near, far = [], []
-    for column, start, low, high in zip(rays.T, origin, box.low, box.high, strict=True):  # whole columns are fast
+    for column, start, low, high in zip(rays.T, origin, box.low, box.high, strict=True):  # a loop over the axes is fast
         safe = np.where(np.abs(column) < 1e-12, 1e-12, column)
         a, b = (low - start) / safe, (high - start) / safe
         near.append(np.minimum(a, b))
@@ -96,7 +96,7 @@ def _faces(origin: Array, rays: Array, box: Box) -> tuple[tuple[Array, IntArray]
 
 
 def _first(columns: Sequence[Array], values: Array) -> IntArray:
-    """Return the first of three columns (N,) that has each value."""
+    """Return, for each value, the index of the first of three columns (N,) that contains it."""
     return np.where(columns[0] == values, 0, np.where(columns[1] == values, 1, 2))
 
 

@@ -1,4 +1,4 @@
-"""Description of the simulated performer; importing it is cheap."""
+"""Description of the simulated performer, in a module that is cheap to import."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -12,20 +12,22 @@ _BODY_M = About("body height; by default the shipped performer's", "m", 0.5, 3.0
 
 @dataclass(frozen=True)
 class Partner:
-    """Another simulated performer; by default like the first one."""
+    """Another simulated performer; by default as the first one."""
 
     is_closed: ClassVar[bool] = True
     behaviour: Annotated[str, About('"demo" or a behaviour')] = ""
-    mirrored: Annotated[bool | None, About("whether left and right are exchanged; by default unlike the first")] = None
+    mirrored: Annotated[
+        bool | None, About("whether left and right are exchanged; by default the opposite of the first")
+    ] = None
     height_m: Annotated[float | None, _BODY_M] = None
-    marker_set: Annotated[str, About("shipped marker set or its file")] = ""
+    marker_set: Annotated[str, About("name of a shipped marker set, or a file")] = ""
 
 
 @dataclass(frozen=True)
 class SimulatedPerformer:
     """The simulated performer in front of simulated cameras.
 
-    Partners stand to the right of the first performer as the cameras see it; alone, the first stands in the middle.
+    Partners stand to the right of the first performer as the cameras see them; a single performer stands in the middle.
     """
 
     is_closed: ClassVar[bool] = True
@@ -34,20 +36,20 @@ class SimulatedPerformer:
     seconds: Annotated[float | None, About("duration of the behaviour; by default as shipped", "s")] = None
     mirrored: Annotated[bool, About("whether left and right are exchanged")] = False
     height_m: Annotated[float | None, _BODY_M] = None
-    marker_set: Annotated[str, About("shipped marker set or its file, with offsets")] = "boxing"
+    marker_set: Annotated[str, About("name of a shipped marker set, or a file, with offsets")] = "boxing"
     cameras: Annotated[int, About("number of cameras", "", 1, 8)] = 2
     fps: Annotated[float, About("frame rate", "frames per second", 0.1, 1000.0)] = 60.0
-    live: Annotated[bool, About("whether frames come by the clock, and late ones are left out")] = False
-    loop: Annotated[bool | None, About("whether the performance starts again; by default as `live`")] = None
+    live: Annotated[bool, About("whether frames come in real time, and late ones are dropped")] = False
+    loop: Annotated[bool | None, About("whether the performance repeats; by default if it is live")] = None
     poses: Annotated[tuple[str, ...], About("calibration poses held before the behaviour")] = ()
     held_s: Annotated[float, About("duration of each pose", "s")] = 2.0
-    prop: Annotated[str, About("prop in the right hand; its name or file")] = ""
+    prop: Annotated[str, About("name or file of a prop in the right hand")] = ""
     partners: Annotated[tuple[Partner, ...], About("further performers, 7 at most")] = ()
     studio: Annotated[Mapping[str, Any], About("`StudioSettings`")] = field(default_factory=dict)
 
     @property
     def is_live(self) -> bool:
-        """Whether the source cannot wait: False, as the simulated one always can."""
+        """Whether the source cannot be paused; the simulated one always can."""
         return False
 
     @property
@@ -56,7 +58,7 @@ class SimulatedPerformer:
         return not self.live
 
     def partner(self, partner: Partner) -> "SimulatedPerformer":
-        """Return a partner as a performer."""
+        """Return the description of a partner as a performer of its own."""
         return replace(
             self,
             behaviour=partner.behaviour or self.behaviour,

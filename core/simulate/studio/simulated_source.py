@@ -29,11 +29,11 @@ from .studio_settings import StudioSettings
 
 @dataclass(eq=False)
 class SimulatedSource(ClosableSource):
-    """Iterable of a performance's image sets with their truth.
+    """Image sets of a performance, with their ground truth.
 
     Args:
         subject: The performer's true skeleton and marker offsets.
-        live: Yield every frame at its time on the clock and drop late ones, as a camera does.
+        live: Yield frames in real time and drop late ones, as a camera does.
         loop: Start again when the performance is over.
 
     Attributes:
@@ -110,8 +110,8 @@ def open_simulated(asked: SimulatedPerformer | Table) -> SimulatedSource:
     if not isinstance(asked, SimulatedPerformer):
         asked = SIMULATED.read({"kind": "simulated", **asked}, "simulated performer")
     if len(asked.partners) > STAGE.partners:
-        message = f"there cannot be {len(asked.partners)} partners of the simulated performer"
-        raise SettingsError(message, advice=f"ask for {STAGE.partners} at most")
+        message = f"{len(asked.partners)} partners of the simulated performer are too many"
+        raise SettingsError(message, advice=f"give {STAGE.partners} at most")
     everybody = [asked, *(asked.partner(partner) for partner in asked.partners)]
     motions = []
     for number, one in enumerate(everybody):
@@ -167,11 +167,12 @@ def studio_settings(table: Mapping[str, Any]) -> StudioSettings:
         }
         return StudioSettings(**values)
     except TypeError as error:
-        raise SettingsError(f"simulated studio: {error}") from error
+        advice = "give settings of `StudioSettings`"
+        raise SettingsError(str(error), where="simulated studio", advice=advice) from error
 
 
 def _motion(asked: SimulatedPerformer) -> Motion:
-    """Return the T pose followed by the behaviour."""
+    """Return the motion: the T pose, then the behaviour."""
     seconds = None if asked.seconds is None else asked.seconds + STAGE.around_s
     height_m = asked.height_m
     if height_m is None and asked.behaviour != DEMO:

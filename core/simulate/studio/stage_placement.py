@@ -7,7 +7,7 @@ import numpy as np
 
 from ...body.calibration_poses import POSES
 from ...body.motion import Motion, eased_between
-from ...errors import SettingsError
+from ...errors import SettingsError, counted
 from ...geometry import rotations as rot
 from .performer_body import make_body
 
@@ -18,9 +18,9 @@ class StageSettings:
 
     longest_held_s: float = 300.0  # longest time for all calibration poses together
     arrival_s: float = 1.0  # time from a held pose to the next, or to the motion's first pose
-    around_s: float = 4.0  # time for T pose, arms down and rest around a behaviour
-    spacing_m: float = 1.2  # distance between performers: both stay in the picture, and outstretched arms do not meet
-    partners: int = 7  # most partners: the room has no space for more, and each takes a second to prepare
+    around_s: float = 4.0  # total time before and after a behaviour for T pose, lowering the arms and rest
+    spacing_m: float = 1.2  # distance between performers: two fit into the picture, and outstretched arms do not touch
+    partners: int = 7  # largest number of partners: the room has no space for more, and each takes a second to prepare
 
 
 STAGE = StageSettings()
@@ -39,16 +39,17 @@ def on_stage(motion: Motion) -> Motion:
 
 
 def with_poses(motion: Motion, poses: Sequence[str], seconds: float) -> Motion:
-    """Return the motion preceded by poses of `POSES`, each held for a time, with a second between them.
+    """Return the motion preceded by poses of `POSES`, each held for `seconds`, with transitions of one second.
 
-    The poses face the cameras (+z) however the motion begins, because a person standing sideways hides a shoulder.
+    The poses face the cameras (+z) whichever way the motion begins, because a person standing sideways hides a
+    shoulder.
 
     Raises:
         SettingsError: The poses would last more than five minutes.
     """
     if not seconds * len(poses) <= STAGE.longest_held_s:
-        advice = f"hold all together for {STAGE.longest_held_s:.0f} s at most"
-        raise SettingsError(f"{len(poses)} poses cannot be held for {seconds:.6g} s each", advice=advice)
+        advice = f"hold all poses for {STAGE.longest_held_s:.0f} s at most in total"
+        raise SettingsError(f"{counted(len(poses), 'pose')} cannot be held for {seconds:.6g} s each", advice=advice)
     if seconds <= 0.0:
         return motion
     rotations, path = motion.rotations, motion.root_positions_m
@@ -65,7 +66,7 @@ def with_poses(motion: Motion, poses: Sequence[str], seconds: float) -> Motion:
 
 
 def lowest_point_m(motion: Motion) -> float:
-    """Return the height of the body's lowest point in all frames."""
+    """Return the height of the body's lowest point over all frames."""
     body = make_body(motion.skeleton)
     starts, ends = body.posed(motion.rotations, motion.root_positions_m)
     return float(min((starts[..., 1] - body.start_radii_m).min(), (ends[..., 1] - body.end_radii_m).min()))

@@ -28,7 +28,7 @@ class StudioPlacement:
     half_baseline_m: float = 0.9
     distance_m: float = 3.3
     height_m: float = 1.4
-    rise_m: float = 0.3  # height of a camera above or below `height_m`
+    rise_m: float = 0.3  # how far each camera is above or below `height_m`
     target_m: tuple[float, float, float] = (0.0, 0.98, 0.0)
 
 
@@ -46,18 +46,18 @@ def looking_at(position_m: ArrayLike, target_m: ArrayLike) -> Array:
 
 
 def default_rig(cameras: int = 2) -> CameraRig:
-    """Return the simulated rig: 640x480, 1.8 m apart, 3.3 m away, 1.4 m high.
+    """Return the simulated rig: 640x480 pixels, cameras 1.8 m apart, 3.3 m from the performer and 1.4 m high.
 
-    The performer stands at the world's origin on the floor y = 0 and faces +z, towards the cameras. Two are named
-    "left" and "right" as they see it; more stand on a circle around the performer. Neighbours stand at different
-    heights, because markers at the same height (both shoulders, both sides of the waist) lie on one epipolar line of
-    level cameras and can be confused.
+    The performer stands at the world's origin on the floor y = 0 and faces +z, towards the cameras. Two cameras are
+    named "left" and "right", as seen from behind them; more stand on a circle around the performer. Neighbours stand at
+    different heights, because markers at the same height (both shoulders, both sides of the waist) lie on one epipolar
+    line of level cameras and can be confused.
 
     Raises:
         SettingsError: There are fewer than one or more than eight cameras.
     """
     if not 1 <= cameras <= 8:
-        raise SettingsError(f"there cannot be {cameras} simulated cameras", advice="ask for 1 to 8")
+        raise SettingsError(f"there cannot be {cameras} simulated cameras", advice="give a number from 1 to 8")
     if cameras <= 2:
         half = float(np.sqrt(_PLACED.half_baseline_m**2 - _PLACED.rise_m**2))
         places = [

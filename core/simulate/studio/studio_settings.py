@@ -16,10 +16,10 @@ class StudioSettings:
     Retro-reflective markers reflect the ring light, so the exposure is short and everything else is dim.
 
     Args:
-        marker_radius_m: Radius of the markers' balls.
-        marker_brightness: Grey level of a marker's face, 0-255, before noise.
-        marker_colours: Colour (B, G, R) of each marker, 0-255; missing ones are white with `marker_brightness`.
-        lens_blur_px: Standard deviation of the lens's blur of the markers.
+        marker_radius_m: Radius of the spherical markers.
+        marker_brightness: Grey level of a marker's image, 0-255, before noise.
+        marker_colours: Colour (B, G, R) of each marker, 0-255; markers not listed are grey, with `marker_brightness`.
+        lens_blur_px: Standard deviation of the blur with which the lens images markers.
         exposure_s: Exposure time, centred on the frame's time; it smears moving markers.
         noise_sigma: Standard deviation of the sensor's Gaussian noise, grey levels.
         light: Brightness of room and body (lamps stay bright), relative to the pictures of the board.
@@ -27,8 +27,8 @@ class StudioSettings:
         rolling_shutter_s: Time from the first row to the last; the middle row is on time.
         clutter: Show furniture, lamps and pictures.
         ghosts: Number of false bright blobs that wander through each image (reflections).
-        moved_object: Show a box that is missing in the background images.
-        light_drift: Slow change of the room's light, as a share of its brightness.
+        moved_object: Show a box that is missing from the background images.
+        light_drift: Amplitude of a slow change of the room's light, as a fraction of its brightness.
         draw_body: Show the performer's body.
         occlusion: Let bodies and markers hide markers.
         dropout: Probability (0 to 1) that a marker is missing in an image.

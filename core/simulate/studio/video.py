@@ -11,7 +11,7 @@ from ...errors import CaptureError
 from ...geometry.arrays import Image
 from ...system.files import atomic_path
 
-# File ending and four-letter code. Huffyuv preserves every grey level; it can be read five times as fast as FFV1 and is
+# File extension and FourCC. Huffyuv preserves every grey level; it can be read five times as fast as FFV1 and is
 # a quarter larger. MPEG-4 plays on all systems but loses some levels.
 LOSSLESS = (".mkv", "HFYU")
 _MPEG4 = "mp4v"
@@ -26,12 +26,13 @@ def open_video(path: Path, fps: float, size: tuple[int, int], code: str) -> Iter
     """
     writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*code), fps, size)
     if not writer.isOpened():
-        raise CaptureError(f"cannot be written with codec {code}", where=str(path), advice="check folder and disk")
+        advice = "check that the folder exists and the disk is not full"
+        raise CaptureError(f"cannot be written with codec {code}", where=str(path), advice=advice)
 
     def write(image: Image) -> None:
         if image.shape != (size[1], size[0], 3) or image.dtype != np.uint8:
             message = f"an image of shape {image.shape} does not fit a video of {size[0]}x{size[1]}"
-            raise CaptureError(message, where=str(path))
+            raise CaptureError(message, where=str(path), advice="give 8-bit colour images of one size")
         writer.write(image)
 
     try:
@@ -51,7 +52,7 @@ def write_video(path: str | Path, frames: Iterable[Image], fps: float) -> int:
     remaining = iter(frames)
     first = next(remaining, None)
     if first is None:
-        raise CaptureError("there are no images for the video", where=str(path))
+        raise CaptureError("there are no images for the video", where=str(path), advice="give at least one image")
     count = 1
     with atomic_path(path) as temporary:
         with open_video(temporary, fps, (first.shape[1], first.shape[0]), _MPEG4) as write:
