@@ -206,7 +206,7 @@ def _check_parts(database: Database) -> None:
         raise DatabaseError("its clips do not cover its frames", where=where, advice=REBUILD)
     bodies = [clip.skeleton for clip in clips] + [each.skeleton for each in database.reference_poses]
     if not all(0 <= body < len(database.skeletons) for body in bodies):
-        raise DatabaseError("a clip has no skeleton", where=where, advice=REBUILD)
+        raise DatabaseError("a clip or a reference pose has no skeleton", where=where, advice=REBUILD)
 
 
 def _write_file(stream: BinaryIO, facts: dict[str, Any], arrays: Mapping[str, NDArray[Any]]) -> None:

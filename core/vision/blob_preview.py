@@ -18,15 +18,16 @@ _WHITE, _LIGHT, _GREY = (255, 255, 255), (200, 200, 200), (150, 150, 150)
 def draw_blobs(
     frame: MarkerFrame, thresholds: Sequence[float], rig: CameraRig, camera: int, picture: Image, image_width: int
 ) -> None:
-    """Ring detected blobs in a camera's reduced picture (BGR), in place.
+    """Draw rings around detected blobs in a camera's reduced picture (BGR), in place.
 
-    Rings are green if another camera sees the blob too, orange if only this one sees it, red if it is not taken for a
-    marker. A marker that only another camera sees gets its epipolar line, an ignored position a cross.
+    A ring is green if another camera sees the blob, too, orange if only this one sees it, and red if the blob is not
+    taken for a marker. A blob that only another camera sees is shown as its epipolar line, an ignored position as a
+    cross.
     """
     write_line(picture, f"threshold {thresholds[camera]:.0f}")
     cross_out(rig.cameras[camera].ignored_px.tolist(), picture, image_width)
     scale = picture.shape[1] / image_width
-    depths_m = np.geomspace(0.5, 12.0, 24)[:, None]  # lenses bend the line
+    depths_m = np.geomspace(0.5, 12.0, 24)[:, None]  # many, because lens distortion bends the line
     for other, seen in zip(frame.single_cameras.tolist(), frame.single_points, strict=True):
         if other != camera:
             source = rig.cameras[other]
@@ -52,13 +53,13 @@ def cross_out(places: Sequence[Sequence[float]], picture: Image, image_width: in
 
 
 def reduced(place: Sequence[float], picture: Image, image_width: int) -> tuple[int, int]:
-    """Return the pixel of a reduced picture that shows a position in its image."""
+    """Return the pixel of a reduced picture that shows a position of the full image."""
     scale = picture.shape[1] / image_width
     return round((place[0] + 0.5) * scale - 0.5), round((place[1] + 0.5) * scale - 0.5)
 
 
 def write_line(picture: Image, text: str) -> None:
-    """Write a text in the lower left corner of a camera's reduced picture."""
+    """Write text into the lower left corner of a camera's reduced picture."""
     place = (6, picture.shape[0] - 8)
     cv2.putText(picture, text, place, cv2.FONT_HERSHEY_PLAIN, 0.9, _WHITE, 1, cv2.LINE_AA)
 

@@ -24,11 +24,11 @@ class BumpSettings:
     """Conditions for suspecting that cameras have moved."""
 
     fewest_blobs: int = 4  # fewest blobs in a moment that counts
-    judged: int = 30  # moments whose median error is compared: half a second at 60 Hz
-    suspect_px: float = 0.9  # suspicious error; unsynchronised rolling shutters cause a third to a half of it
-    suspect_s: float = 3.0  # duration after which the cameras' positions are estimated
-    used: int = 60  # moments used in that estimate, spread over the suspect period
-    remembered_s: float = 10.0  # age of the oldest of them
+    judged: int = 30  # number of moments whose median error is judged: half a second at 60 Hz
+    suspect_px: float = 0.9  # suspicious median error; unsynchronised rolling shutters cause a third to a half of it
+    suspect_s: float = 3.0  # duration of suspicious errors after which the camera poses are estimated
+    used: int = 60  # number of moments used in that estimate, spread over the suspect period
+    remembered_s: float = 10.0  # age of the oldest moment used
     again_s: float = 4.0  # pause after an unsuccessful estimate; doubled each time
 
 
@@ -36,9 +36,9 @@ _BUMPS = BumpSettings()
 
 
 class BumpDetector:
-    """Check for moved cameras, run when rays have met badly for a while.
+    """Detector of cameras that moved, which estimates the camera poses when reprojection errors stay large.
 
-    Clutter, a lamp or wrong times make rays meet badly, too, but other camera positions do not improve that.
+    Clutter, a lamp or wrong time stamps also cause large errors, but those do not shrink with other camera poses.
 
     Args:
         start: Starts a computation that must not delay the cameras, like `Executor.submit`.
@@ -59,7 +59,7 @@ class BumpDetector:
         """Process a moment; return a warning if a bump has just been found, else "".
 
         Args:
-            frame: Frame with blobs moved to one time.
+            frame: Frame whose blobs have been moved to one time.
             errors_px: Reprojection errors (N, C) of the points, 0 where a camera does not see one.
         """
         if len(self._rig) < 2:
@@ -79,7 +79,7 @@ class BumpDetector:
         return ""
 
     def _remember(self, frame: MarkerFrame) -> None:
-        """Keep frames while rays meet badly."""
+        """Keep frames while reprojection errors are large."""
         if len(self._misses_px) < _BUMPS.judged or median(self._misses_px) < _BUMPS.suspect_px:
             self._suspect_since_s = None
             self._frames.clear()
@@ -107,7 +107,8 @@ class BumpDetector:
 def meeting_error_px(blobs: Sequence[FloatArray], errors_px: Array) -> float | None:
     """Return the mean reprojection error of blobs, pixels; None if there are too few blobs.
 
-    As many blobs should match as the camera with the second most has; one without a partner gets the largest error.
+    The number of blobs that should match is the second largest among the cameras. Those without a match count with the
+    largest error.
     """
     seen = sorted(map(len, blobs))[-2]
     if seen < _BUMPS.fewest_blobs:
@@ -118,7 +119,7 @@ def meeting_error_px(blobs: Sequence[FloatArray], errors_px: Array) -> float | N
 
 
 def _refine(rig: CameraRig, moments: Sequence[Sequence[FloatArray]]) -> Refinement | None:
-    """Return the cameras' positions; None if there are too few markers."""
+    """Return the refined camera poses; None if there are too few markers."""
     try:
         return refine_rig(rig, moments)
     except CalibrationError:

@@ -16,7 +16,7 @@ class CommonSpace:
     x_m: Array  # (X,) of the grid's columns
     z_m: Array  # (Z,) of the grid's rows
     seen: Mask  # (Z, X) positions where all cameras see a whole performer
-    rectangle_m: tuple[float, float, float, float]  # largest of these: smallest x and z, largest x and z; zeros if none
+    rectangle_m: tuple[float, float, float, float]  # largest one seen: lowest x and z, highest x and z; zeros if none
 
     @property
     def size_m(self) -> tuple[float, float]:
@@ -28,7 +28,7 @@ class CommonSpace:
     def outline_m(self) -> Array:
         """Closed line (K, 3) around the rectangle, on the floor; empty if there is none.
 
-        It has many points, because lenses bend lines and a part may lie behind the viewer.
+        It has many points, because lenses bend lines and parts of the line may lie behind the viewer.
         """
         left, back, right, front = self.rectangle_m
         if min(self.size_m) <= 0.0:
@@ -43,7 +43,7 @@ class CommonSpace:
         """Size of the rectangle as a sentence."""
         width, depth = self.size_m
         if min(width, depth) <= 0.0:
-            return "nowhere do all cameras see you from head to foot: move them back, or turn them to one place"
+            return "nowhere do all cameras see you from head to foot: move them back, or turn them to the same place"
         return f"you may walk {width:.1f} x {depth:.1f} m"
 
 
@@ -54,7 +54,7 @@ def common_space(
     marker_radius_m: float = 0.0125,
     smallest_px: float = 1.5,
 ) -> CommonSpace:
-    """Return the floor within 6 m of the cameras where all of them see a performer large enough.
+    """Return the floor within 6 m of the cameras where all of them see a whole performer with large enough markers.
 
     Args:
         rig: Cameras in a world with the floor at y = 0.
@@ -75,7 +75,7 @@ def common_space(
 
 
 def _largest_rectangle(seen: Mask, x_m: Array, z_m: Array) -> tuple[float, float, float, float]:
-    """Return the largest rectangle of seen cells, using histograms of open columns."""
+    """Return the largest rectangle of seen cells, found in each row's histogram of seen cells above."""
     best, found = 0, (0.0, 0.0, 0.0, 0.0)
     heights = np.zeros(len(x_m) + 1, dtype=np.int64)
     for row in range(len(z_m)):

@@ -27,8 +27,8 @@ class LiveSettings:
     every_s: float = 5.0  # time between estimates
     remembered_s: float = 10.0  # age of the oldest images in an estimate
     least_apart_s: float = 0.012  # shortest interval between these images
-    largest_s: float = 0.1  # largest offset; stamps are from one clock, so it is the delay of the images
-    change_s: float = 0.012  # largest change of an offset that counts as certain
+    largest_s: float = 0.1  # largest offset; all stamps are from one clock, so offsets are differences in delay
+    change_s: float = 0.012  # largest change from the last offsets once one of them is certain
 
 
 _LIVE = LiveSettings()
@@ -42,10 +42,10 @@ def live_settings(threshold: float | None = None) -> DetectionSettings:
 def live_frames(
     images: Iterable[ImageSet], pipeline: MarkerPipeline, warn: Callable[[str], None], *, exact: bool
 ) -> Iterator[tuple[float, MarkerFrame]]:
-    """Yield the `time.perf_counter()` and the markers of each image set.
+    """Yield each image set's time of arrival (`time.perf_counter()`) and its marker frame.
 
     Args:
-        exact: The time stamps are exact and the cameras do not move, so neither is monitored.
+        exact: The time stamps are exact and the cameras do not move, so neither needs to be monitored.
     """
     with ThreadPoolExecutor(1) as later:
         offsets = bumps = None

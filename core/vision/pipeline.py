@@ -1,11 +1,11 @@
-"""Pipeline from images to marker frames, on the cameras' side."""
+"""Pipeline from images to marker frames without labels."""
 
 from collections.abc import Iterable, Sequence
 from statistics import fmean
 
 import numpy as np
 
-from ..errors import CaptureError
+from ..errors import CaptureError, counted
 from ..geometry.arrays import Image
 from ..geometry.camera import CameraRig
 from ..markers.marker_frame import MarkerFrame
@@ -23,8 +23,8 @@ _NO_BLOBS = np.empty((0, 5), dtype=np.float32)
 class MarkerPipeline:
     """Detection, matching and triangulation for one rig.
 
-    Backgrounds are learned by the `learn_*` methods, or omitted in the dark. An `aligner` moves the cameras' blobs to
-    one time before they are matched.
+    Backgrounds are learned by the `learn_*` methods; in the dark, none is needed. An `aligner` moves the cameras' blobs
+    to one time before they are matched.
 
     Attributes:
         mismatch: What seems to be wrong with the images (exchanged, mirrored or upside down), or None.
@@ -42,7 +42,7 @@ class MarkerPipeline:
         self.set_backgrounds([None] * len(rig))
 
     def set_backgrounds(self, backgrounds: Sequence[Background | None]) -> None:
-        """Use a background for each camera, or None in the dark."""
+        """Use a background for each camera; None for a camera in the dark."""
         self._check_count(len(backgrounds))
         self.backgrounds = tuple(backgrounds)
         self.detectors = tuple(
@@ -58,7 +58,7 @@ class MarkerPipeline:
         """Learn backgrounds from frames spread over a take with the performer in it."""
         moments = list(images)
         if not moments:
-            raise CaptureError("there are no images to learn the background from")
+            raise CaptureError("there are no images to learn the background from", advice="give images of the take")
         self._check_count(len(moments[0]))
         self.set_backgrounds([background_from_take(column) for column in zip(*moments, strict=True)])
 
@@ -78,8 +78,8 @@ class MarkerPipeline:
             if (width, height) != camera.image_size:
                 is_turned = (height, width) == camera.image_size
                 alike = [other.name for other in self.rig.cameras if other.image_size == (width, height)]
-                turned = f", as of camera {alike[0]}: are they exchanged?" if alike else ""
-                turned = ", as if turned by a quarter" if is_turned else turned
+                turned = f", as those of camera {alike[0]}: are the cameras exchanged?" if alike else ""
+                turned = ", as if turned by 90 degrees" if is_turned else turned
                 advice = "record at the size of the calibration, or calibrate again"
                 raise CaptureError(
                     f"images are {width}x{height}, but the calibration is for "
@@ -124,6 +124,7 @@ class MarkerPipeline:
     def _check_count(self, count: int) -> None:
         if count != len(self.rig):
             raise CaptureError(
-                f"{count} image(s) for a calibration of {len(self.rig)} cameras",
+                f"there {'is' if count == 1 else 'are'} {counted(count, 'image')}, "
+                f"but the calibration is for {counted(len(self.rig), 'camera')}",
                 advice="use a calibration of this set-up",
             )

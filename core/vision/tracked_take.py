@@ -1,11 +1,11 @@
-"""Processing a complete take's frames: synchronisation, triangulation, comparison with images, one-camera takes."""
+"""Processing of a complete take: synchronisation, triangulation, reprojection errors, and takes of one camera."""
 
 from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from ..errors import TakeError
+from ..errors import TakeError, counted
 from ..geometry.arrays import IntArray
 from ..geometry.camera import CameraRig
 from ..markers.marker_frame import MarkerFrame, undistort_blobs
@@ -21,7 +21,7 @@ def synchronise_frames(
 ) -> tuple[list[MarkerFrame], tuple[TimeOffset, ...]]:
     """Return frames with blobs moved to one time and triangulated again, and the time offsets.
 
-    Without a certain offset, the frames are unchanged.
+    If no offset is certain, the frames are returned unchanged.
     """
     offsets = estimate_time_offsets(rig, frames, largest_s=0.25)
     if not any(offset.is_certain for offset in offsets):
@@ -32,7 +32,7 @@ def synchronise_frames(
 
 
 def retriangulate(rig: CameraRig, frames: Sequence[MarkerFrame]) -> list[MarkerFrame]:
-    """Return synchronised frames with points triangulated from the detected blobs only.
+    """Return synchronised frames with points triangulated again from the detected blobs.
 
     Raises:
         TakeError: The frames come from a different number of cameras.
@@ -40,7 +40,7 @@ def retriangulate(rig: CameraRig, frames: Sequence[MarkerFrame]) -> list[MarkerF
     for frame in frames:
         if len(frame.detected) != len(rig):
             raise TakeError(
-                f"was recorded by {len(frame.detected)} cameras, but the calibration has {len(rig)}",
+                f"was recorded by {counted(len(frame.detected), 'camera')}, but the calibration has {len(rig)}",
                 where=f"frame {frame.number}",
                 advice="give a calibration of the same cameras",
             )
@@ -62,7 +62,7 @@ def labelled_rms_px(rig: CameraRig, frames: Sequence[MarkerFrame], labels: Seque
 
 
 def image_take(frames: Sequence[MarkerFrame], rig: CameraRig, name: str, fps: float) -> MarkerTake:
-    """Return the image trajectories of one camera; those that do not overlap share a column.
+    """Return a take with one camera's image trajectories; those that do not overlap in time share a column.
 
     They are labelled when the take is solved (see `markers.take_frames`).
 

@@ -45,7 +45,9 @@ class SimulatedPerformer:
     held_s: Annotated[float, About("duration of each pose", "s")] = 2.0
     prop: Annotated[str, About("name or file of a prop in the right hand")] = ""
     partners: Annotated[tuple[Partner, ...], About("further performers, 7 at most")] = ()
-    studio: Annotated[Mapping[str, Any], About("`StudioSettings`")] = field(default_factory=dict)
+    studio: Annotated[Mapping[str, Any], About("settings of the images, see `StudioSettings`")] = field(
+        default_factory=dict
+    )
 
     @property
     def is_live(self) -> bool:

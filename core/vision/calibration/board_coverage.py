@@ -12,7 +12,7 @@ from .board_watch import GUIDANCE, BoardPlacement, placement_of
 from .calibration_board import Board, BoardView
 
 REGIONS = 3
-"""Regions of an image, across and down, that guidance asks for."""
+"""Number of image regions, across and down, in which guidance asks for the board."""
 
 _CELLS = (24, 18)  # number of cells across and down
 
@@ -41,7 +41,7 @@ class CameraCoverage:
         return float((self.covered & self.reachable).sum() / max(self.reachable.sum(), 1))
 
     def region_fractions(self) -> Array:
-        """Return the covered share of regions (REGIONS, REGIONS), NaN out of reach."""
+        """Return the covered share (REGIONS, REGIONS) of each region's reachable cells, NaN if it has too few."""
         rows, columns = _CELLS[1] // REGIONS, _CELLS[0] // REGIONS
         shape = (REGIONS, rows, REGIONS, columns)
         reachable = self.reachable.reshape(shape).sum(axis=(1, 3))

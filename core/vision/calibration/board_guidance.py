@@ -43,7 +43,7 @@ def next_target(cameras: Sequence[CameraCoverage], asked: Counter[Target]) -> Ta
 
 
 class OtherBoardProbe:
-    """Search for a chessboard of another size while the right one is not visible.
+    """Search for a chessboard of another size while the expected one is not visible.
 
     Args:
         find_grid: Finds the grid of any board in an image.
@@ -73,12 +73,12 @@ class OtherBoardProbe:
 
     @property
     def advice(self) -> str:
-        """Advice to choose the board in view; "" if no other is seen."""
+        """Advice to enter the size of the board in view; "" if no other board is seen."""
         asked = self._board.corner_grid
         if self._other is None or self._other == (max(asked), min(asked)):
             return ""
         seen = f"{self._other[0]}x{self._other[1]}"
-        return f"this board has {seen} inner corners, not {asked[0]}x{asked[1]}: set that, then start again"
+        return f"this board has {seen} inner corners, not {asked[0]}x{asked[1]}: set these numbers, then start again"
 
 
 def visibility_advice(cameras: Sequence[CameraCoverage], seen: BoardObservation) -> str:

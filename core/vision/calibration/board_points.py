@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ...errors import CalibrationError
+from ...errors import CalibrationError, counted
 from ...geometry.arrays import Array
 from ...system.files import read_bytes, reading
 from .calibration_board import BoardView
@@ -24,10 +24,10 @@ def load_board_points(path: str | Path) -> tuple[Array, tuple[CameraViews, Camer
     `image_points_cam2`, one list of N pixels per moment (0-based; null where not seen).
 
     Raises:
-        CalibrationError: The file contains anything else.
+        CalibrationError: The file has other contents.
     """
     raw = read_bytes(path)
-    with reading(path, CalibrationError, f"expected {_LAYOUT}", "does not hold board points"):
+    with reading(path, CalibrationError, f"expected {_LAYOUT}", "does not contain board points"):
         content = json.loads(raw)
         size = (int(content["image_size"][0]), int(content["image_size"][1]))
         flat = np.asarray(content["board_points_mm"], dtype=np.float64).reshape(len(content["board_points_mm"]), -1)
@@ -36,7 +36,8 @@ def load_board_points(path: str | Path) -> tuple[Array, tuple[CameraViews, Camer
         left = _views(content["image_points_cam1"], len(points))
         right = _views(content["image_points_cam2"], len(points))
     if np.ptp(points[:, :2], axis=0).min() <= 0.0:
-        raise CalibrationError("the board's points lie on one line or in one place", where=str(path))
+        what, advice = "the board's points lie on one line or in one place", "export all points of the board"
+        raise CalibrationError(what, where=str(path), advice=advice)
     return points, (CameraViews("left", size, left), CameraViews("right", size, right))
 
 
@@ -46,7 +47,7 @@ def _views(moments: list[Any], count: int) -> dict[str, BoardView]:
         rows = [(np.nan, np.nan) if pixel is None else pixel for pixel in pixels]
         table = np.asarray(rows, dtype=np.float64).reshape(-1, 2)
         if len(table) != count:
-            raise ValueError(f"moment {i + 1} has {len(table)} points, but the board has {count}")
+            raise ValueError(f"moment {i + 1} has {counted(len(table), 'point')}, but the board has {count}")
         seen = np.flatnonzero(np.isfinite(table).all(axis=1))
         if len(seen) >= 6:
             views[f"{i + 1:06d}"] = BoardView(seen, table[seen])

@@ -18,8 +18,9 @@ def with_edge_widths(view: BoardView, image: Image, board: Board) -> BoardView:
 def edge_widths(image: Image, board: Board, view: BoardView) -> tuple[float, float]:
     """Return edge widths in pixels, along the board's rows and along its columns.
 
-    A sharp picture has about 2. Out of focus, both grow; motion during the exposure widens one more than the other.
-    They are contrast over steepest slope, halfway between neighbouring corners; NaN if there is no contrast.
+    A width is the contrast divided by the steepest slope, halfway between neighbouring corners; NaN if there is no
+    contrast. Sharp pictures have widths of about 2 pixels. Defocus increases both widths; motion during the exposure
+    increases one more than the other.
     """
     grey = grey_of(image)
     columns = board.corner_grid[0]
@@ -38,18 +39,18 @@ def _width(grey: Image, edges: list[tuple[Array, Array]], reach: float) -> float
     length = np.linalg.norm(direction, axis=1)
     across = np.stack((-direction[:, 1], direction[:, 0]), axis=1) / length[:, None]
     half = max(reach * float(np.median(length)), 2.0)
-    steps = np.arange(-half, half + 0.25, 0.5)  # half a pixel
+    steps = np.arange(-half, half + 0.25, 0.5)  # samples every half pixel
     points = (0.5 * (ends[:, 0] + ends[:, 1])[:, None] + across[:, None] * steps[:, None]).astype(np.float32)
     profiles = cv2.remap(grey, points[..., 0], points[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     levels = profiles.astype(np.float64)
     contrast = np.ptp(levels, axis=1)
     slope = np.abs(levels[:, 2:] - levels[:, :-2]).max(axis=1)  # over one pixel
-    clear = contrast > 20.0  # grey levels between black and white squares
+    clear = contrast > 20.0  # least difference between black and white squares, grey levels
     return float(np.median(contrast[clear] / slope[clear])) if clear.any() else float("nan")
 
 
 def covered_cells(views: Iterable[BoardView], image_size: tuple[int, int], cells: tuple[int, int]) -> Image:
-    """Return a mask (rows, columns) of an image's cells that the hulls of the corners cover; the image is (w, h)."""
+    """Return a mask (rows, columns) of the cells of an image (w, h) that the convex hulls of the corners cover."""
     covered = np.zeros(cells[::-1], dtype=np.uint8)
     scale = np.array(cells) / np.array(image_size)
     for view in views:
@@ -67,7 +68,7 @@ class Coverage:
 
 
 def coverage(views: Iterable[BoardView], image_size: tuple[int, int]) -> Coverage:
-    """Return the coverage of an image (w, h) by the hulls of the corners."""
+    """Return the coverage of an image (w, h) by the convex hulls of the corners."""
     cells = covered_cells(views, image_size, (160, 120))
     covered = np.argwhere(cells)
     if len(covered) == 0:

@@ -1,4 +1,4 @@
-"""Live calibration: takes views of the board, guides the person holding it, judges results.
+"""Live calibration: takes views of the board, guides the person holding it, and judges the results.
 
 It has no clock and no threads of its own: images come with their times, and computations are passed to a function.
 """
@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from ...errors import CalibrationError
+from ...errors import CalibrationError, counted
 from ...geometry.arrays import Image, Mask
 from .board_coverage import CameraCoverage, least_covered, update_reachable
 from .board_guidance import OtherBoardProbe, Target, move_advice, next_target, visibility_advice
@@ -42,7 +42,7 @@ class BoardSession:
         titles: Their names in sentences, such as "the left camera".
         start: Starts a computation that must not delay the images, like `Executor.submit`.
         limit: Number of views after which the session ends even if the result is not good.
-        every_s: Seconds between two views; None takes one whenever the board is held still in a new position.
+        every_s: Time between two views; None to take one whenever the board is held still in a new position.
 
     Attributes:
         result: Calibration so far.
@@ -106,7 +106,7 @@ class BoardSession:
 
     @property
     def done(self) -> bool:
-        """Whether it is good, or no more views are taken."""
+        """Whether the calibration is good or no more views are taken."""
         return self.good or self.views >= self._limit
 
     def see(self, time_s: float, images: Sequence[Image], usable: Sequence[bool]) -> Guidance:
@@ -141,14 +141,15 @@ class BoardSession:
         if self.result is None or (not self.good and self._calibrated_views < self.views):
             if self.views < MINIMUM_VIEWS:
                 raise CalibrationError(
-                    f"the board was seen whole and still in {self.views} places, but {MINIMUM_VIEWS} are needed",
-                    advice="check its numbers of corners, hold it so that every camera sees it, and give it light",
+                    f"the board was seen whole and still in {counted(self.views, 'place')}, "
+                    f"but {MINIMUM_VIEWS} are needed",
+                    advice="check the number of corners, hold the board where every camera sees it, use more light",
                 )
             self.result = _calibrate(self._board, self._content())
         return self.result
 
     def _collect(self) -> None:
-        """Take the result of a calibration that has ended; one with too few views may have failed."""
+        """Take the result of a finished calibration, which may have failed if there were too few views."""
         if self._running is None or not self._running.done():
             return
         running, self._running = self._running, None

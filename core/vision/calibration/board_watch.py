@@ -13,11 +13,11 @@ from .calibration_board import Board, BoardView
 
 @dataclass(frozen=True)
 class GuidanceSettings:
-    """How a person is guided through a live calibration; lengths in images are shares of their width."""
+    """Settings for guiding a person through a live calibration; image lengths are fractions of the image's width."""
 
     look_every_s: float = 0.12  # time between searches for the board
     still_s: float = 0.5  # time without motion after which a board counts as still
-    still: float = 2.0 / 640.0  # largest motion of a still board: the hand's tremor, which does not smear corners
+    still: float = 2.0 / 640.0  # largest motion of a still board: hand tremor, which does not smear corners
     least_looks: int = 3  # fewest observations in that time
     focal: float = 0.9  # focal length of a typical lens, accurate enough for tilts
     new_place: float = 0.1  # difference in position that makes a new view
@@ -108,7 +108,7 @@ class BoardWatch:
 
 
 def _motion_px(then: BoardView | None, now: BoardView | None) -> float:
-    """Return the median motion in pixels between two views, in either numbering."""
+    """Return the median motion in pixels between two views, with the corners numbered from the end that fits better."""
     if then is None or now is None:
         return float("inf")
     _, first, second = np.intersect1d(then.ids, now.ids, return_indices=True)
@@ -128,7 +128,7 @@ def placement_of(view: BoardView, board: Board, image_size: tuple[int, int]) -> 
     middle = 0.5 * np.array([image_size[0] - 1, image_size[1] - 1])
     points = (view.pixels - middle) / (GUIDANCE.focal * width)
     homography, _ = cv2.findHomography(board.points_m[view.ids, :2], points)
-    # columns of the homography: the board's axes in the camera, up to one scale (Zhang 2000, section 2.2)
+    # columns of the homography: the board's axes in the camera, up to a common scale (Zhang 2000, section 2.2)
     normal = np.array([0.0, 0.0, 1.0])
     if homography is not None:
         normal = np.cross(homography[:, 0], homography[:, 1])

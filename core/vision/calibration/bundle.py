@@ -1,7 +1,7 @@
 """Bundle adjustment of cameras and board poses (Triggs et al., 2000).
 
-In addition to OpenCV's stereo calibration, it handles skew of the pixel grid, any number of cameras, a prior for the
-lenses, and cameras that take the pictures of a moment at slightly different times.
+Unlike OpenCV's stereo calibration, it handles skew of the pixel grid, any number of cameras, a prior for the lenses,
+and cameras that take the pictures of a moment at slightly different times.
 """
 
 from collections.abc import Sequence
@@ -28,14 +28,14 @@ class FitSettings:
     aspect_sigma: float = 0.01  # prior standard deviation of fx - fy, as a share of the image's width
     # prior standard deviations of cx, cy, skew (shares of the width), k1, k2, p1, p2, k3 for ordinary lenses
     lens_sigmas: tuple[float, ...] = (0.15, 0.15, 0.03, 0.5, 1.0, 0.02, 0.02, 3.0)
-    # Two cameras may see the same board up to these limits. They are wide, because board poses from one camera are
-    # rough; half turns and wrong pairs are far outside them.
+    # Largest differences between the poses of one board as two cameras see it. The limits are wide, because board poses
+    # from one camera are rough; half turns and wrong pairs are far outside them.
     same_angle_deg: float = 8.0
     same_distance: float = 0.3  # share of the usual distance to the board
     outlier_factor: float = 3.0  # smallest error of an outlier, as a multiple of the median error
     outlier_floor_px: float = 0.6  # smallest difference of an outlier's error from the median
-    folds: int = 5  # number of parts of the moments that are held out in turn
-    least_moments: int = 10  # fewest moments; below, nothing is held out
+    folds: int = 5  # number of parts into which the moments are divided; each part is held out in turn
+    least_moments: int = 10  # fewest moments of which parts are held out
     richer_may_cost: float = 1.05  # largest held-out error of the chosen lens model, as a multiple of the best model's
 
 
@@ -119,7 +119,7 @@ def camera_covariance(bundle: Bundle, observations: Sequence[CornerObservation],
 
 
 def _unknowns(bundle: Bundle, free: Mask) -> IntArray:
-    """Return the adjusted numbers of a bundle: free intrinsics, cameras except the first, boards."""
+    """Return the indices of a bundle's adjusted parameters: free intrinsics, cameras except the first, boards."""
     count = len(bundle.intrinsics)
     others = np.arange(bundle.cameras.size + bundle.boards.size) >= _POSE
     return np.flatnonzero(np.concatenate((np.tile(free, count), others)))
@@ -143,7 +143,7 @@ def _minimise(
 
 
 def _linearise(bundle: Bundle, observations: Sequence[CornerObservation], prior: LensPrior | None) -> NormalEquations:
-    """Return the normal equations of all numbers of a bundle, in the order of its fields."""
+    """Return the normal equations of all parameters of a bundle, in the order of its fields."""
     first = bundle.intrinsics.size
     size = first + bundle.cameras.size + bundle.boards.size
     matrix, gradient, cost = np.zeros((size, size)), np.zeros(size), 0.0
@@ -216,7 +216,7 @@ def _residuals_and_jacobian(bundle: Bundle, observation: CornerObservation) -> t
     board, camera = bundle.boards[observation.moment], bundle.cameras[observation.camera]
     composed = cv2.composeRT(board[:3], board[3:], camera[:3], camera[3:])
     turn, shift = np.asarray(composed[0]), np.asarray(composed[1])
-    chain = np.empty((_POSE, 2 * _POSE))  # derivatives of the composed pose by both poses
+    chain = np.empty((_POSE, 2 * _POSE))  # derivatives of the composed pose with respect to both poses
     chain[:3, :3], chain[:3, 3:6], chain[3:, :3], chain[3:, 3:6] = composed[4], composed[5], composed[8], composed[9]
     chain[:3, 6:9], chain[:3, 9:], chain[3:, 6:9], chain[3:, 9:] = composed[2], composed[3], composed[6], composed[7]
     fx, fy, cx, cy, skew = intrinsics[:5]

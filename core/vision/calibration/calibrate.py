@@ -12,7 +12,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from ...errors import CalibrationError
+from ...errors import CalibrationError, counted
 from ...geometry.arrays import Array
 from ...geometry.camera import WORLD_FROM_CAMERA, Camera, CameraRig
 from ...geometry.rigid_transform import nearest_rotation
@@ -36,9 +36,9 @@ from .rig_fit import (
 
 @dataclass(frozen=True)
 class VerdictSettings:
-    """Limits of a good calibration, and of a usable one; lengths in images are shares of their width."""
+    """Limits of a good and of a usable calibration; image lengths are fractions of the image's width."""
 
-    good_views: int = 8  # moments that more than one camera sees
+    good_views: int = 8  # moments in which more than one camera sees the board
     good_rms: float = 0.5 / 640.0
     usable_rms: float = 1.2 / 640.0
     good_coverage: float = 0.25  # share of an image in which the board has been
@@ -46,7 +46,7 @@ class VerdictSettings:
     good_distance: float = 0.002  # relative standard deviation of the distances between cameras
     good_tilt_deg: float = 15.0  # tilt of the most tilted board
     good_delay_s: float = 0.02  # delay between cameras
-    smeared: float = 4.0 / 640.0  # width of edges
+    smeared: float = 4.0 / 640.0  # width above which edges are blurred
     usable_distance: float = 0.5  # above this, the distances between the cameras are unknown
     same_picture: float = 5e-4  # median difference of corners below which two pictures are copies
     smeared_one_way: float = 1.5  # ratio of edge widths above which motion smears them; below, they are out of focus
@@ -67,11 +67,11 @@ class CalibrationResult:
     stereo_rms_px: float  # over all cameras with one board pose per moment
     held_out_px: float  # for moments left out of the fit; NaN if there are too few
     rms_px: Mapping[str, float]  # for each camera alone
-    baseline_m: float  # distance of the first two optical centres; 0 for one camera
+    baseline_m: float  # distance between the first two optical centres; 0 for one camera
     distance_sigma: float  # largest relative standard deviation of the distances between cameras
     views_px: Mapping[tuple[str, str], float]  # by moment and camera
     coverage: Mapping[str, float]  # share of each camera's image in which the board has been
-    late_s: Mapping[str, float]  # delay of each camera relative to the first, if videos show it
+    late_s: Mapping[str, float]  # delay of each camera relative to the first; only for videos of a moving board
     used: tuple[str, ...]  # names of the moments used
     rejected: tuple[Rejected, ...] = ()
     verdict: str = "good"  # or "usable", "redo"
@@ -116,7 +116,7 @@ def calibrate_from_points(
 
     Args:
         points_m: Board points, z = 0.
-        cameras: Views of each camera; a single camera gets its lens and stands at the world's origin.
+        cameras: Views of each camera; a single camera only gets its lens, and stands at the world's origin.
         rejected: Pictures already rejected, to be listed in the result.
         left_right: Check that the first two cameras are the left and the right one, as seen from behind the cameras.
         ambiguous: Whether the board looks the same after half a turn (see `Board.is_ambiguous`).
@@ -136,7 +136,7 @@ def calibrate_from_points(
     else:
         centre = points_m.mean(axis=0) if ambiguous else None
         fit = fit_rig(points_m, cameras, singles, refused, centre)
-        centre = np.linalg.inv(fit.poses[1])[:3, 3]  # of the second camera, in the frame of the first
+        centre = np.linalg.inv(fit.poses[1])[:3, 3]  # second camera, in the first one's frame
         if left_right and centre[0] < -0.5 * np.linalg.norm(centre):
             raise ExchangedCamerasError(
                 f"camera {cameras[0].name} stands on the right, camera {cameras[1].name} on the left",
@@ -166,9 +166,9 @@ def _calibrate_camera(points_m: Array, camera: CameraViews, refused: list[Reject
     while True:
         if len(keys) < MINIMUM_VIEWS:
             raise CalibrationError(
-                f"the board was seen well in {len(keys)} picture(s) only; at least {MINIMUM_VIEWS} are needed",
+                f"only {counted(len(keys), 'picture')} of the board can be used, but {MINIMUM_VIEWS} are needed",
                 where=f"camera {camera.name}",
-                advice="take 12 or more pictures with the board tilted differently in all parts of the picture",
+                advice="take 12 or more pictures, with the board tilted differently and in all parts of the image",
             )
         views = [camera.views[key] for key in keys]
         start = bundle or _first_guess(points_m, camera, views)
@@ -256,21 +256,21 @@ def _fit_advice(fit: RigFit, singles: Sequence[SingleCamera], late_s: Mapping[st
     if fit.rms_px > _VERDICT.good_rms * singles[0].image_size[0]:
         advice.append("the error is high: keep the board flat and still, use more light, focus the cameras")
     if len(fit.used) < _VERDICT.good_views:
-        seen_by = " to more than one camera" if len(singles) > 1 else ""
-        advice.append(f"only {len(fit.used)} moments show the board{seen_by}: take 12 or more")
+        seen_by = " by more than one camera" if len(singles) > 1 else ""
+        advice.append(f"the board was seen{seen_by} in only {counted(len(fit.used), 'moment')}: take 12 or more")
     if fit.distance_sigma > _VERDICT.good_distance:
         advice.append(
-            f"the distances between the cameras are known to {100.0 * fit.distance_sigma:.1f} % only: take more "
-            "pictures, nearer, in all parts of the images, or use a larger board"
+            f"the distances between the cameras are only known to within {100.0 * fit.distance_sigma:.1f} %: take more "
+            "pictures of the board, closer and in all parts of the images, or use a larger board"
         )
     for camera in singles:
         most_tilted = min(abs(pose[2, 2]) for pose in camera.poses.values())
         if most_tilted > np.cos(np.radians(_VERDICT.good_tilt_deg)):
-            advice.append(f"{camera.name} saw the board almost straight on only: tilt it by 20 to 45 degrees")
+            advice.append(f"{camera.name} saw the board only almost face-on: tilt it by 20 to 45 degrees")
     if np.ptp([*late_s.values(), 0.0]) >= _VERDICT.good_delay_s:
         delays = ", ".join(f"{name} {1000.0 * late:+.0f} ms" for name, late in late_s.items())
         advice.append(
-            f"the cameras do not take their pictures at one time ({delays}): hold the board still in each place"
+            f"the cameras do not take their pictures at the same time ({delays}): hold the board still in each place"
         )
     return advice
 
@@ -280,7 +280,7 @@ def _picture_advice(cameras: Sequence[CameraViews], seen: Mapping[str, Coverage]
     for camera in cameras:
         part = seen[camera.name]
         if part.fraction < (_VERDICT.good_coverage_in_the_middle if part.in_the_middle else _VERDICT.good_coverage):
-            what = "stayed in the middle of" if part.in_the_middle else "was in a part only of"
+            what = "stayed in the middle of" if part.in_the_middle else "was only in a part of"
             advice.append(
                 f"the board {what} {camera.name}'s picture: coverage {100.0 * part.fraction:.0f} %; "
                 "hold it near the sides and in the corners too"

@@ -7,7 +7,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from ...errors import CalibrationError, CaptureError
+from ...errors import CalibrationError, CaptureError, counted
 from ...system.progress import Progress
 from ..sources.image_files import by_number, list_images, read_image
 from .board_quality import with_edge_widths
@@ -31,7 +31,7 @@ def calibrate_images(
     files, rejected = _paired_files(patterns)
     shown = _most_seen_grid(files, board) if board.kind == "chessboard" else None
     if shown is not None and min(np.subtract(shown, _larger_first(board))) >= 0:
-        _check_size(shown, board)  # before spending minutes on searching for a part of the board
+        _check_size(shown, board)  # before minutes are spent on the search for a part of the board
     total = sum(len(rows) for rows in files.values())
     done = 0
 
@@ -45,7 +45,7 @@ def calibrate_images(
         if len(camera.views) < MINIMUM_VIEWS:
             _check_size(shown, board)
             raise CalibrationError(
-                f"the board was found in {len(camera.views)} of {len(files[camera.name])} pictures",
+                f"the board was found in only {len(camera.views)} of {counted(len(files[camera.name]), 'picture')}",
                 where=f"camera {camera.name}",
                 advice="check the size of the board, and that all of it is in the pictures, sharp and lit",
             )
@@ -54,7 +54,7 @@ def calibrate_images(
 
 
 def _paired_files(patterns: Mapping[str, str]) -> tuple[dict[str, dict[str, Path]], list[Rejected]]:
-    """Return the files of each camera by moment, if their number is shared."""
+    """Return each camera's files by moment, and the rejected files, whose number no other camera has."""
     try:
         lists = {name: list_images(pattern) for name, pattern in patterns.items()}
         tables = dict(zip(lists, by_number(list(lists.values())), strict=True))
@@ -87,7 +87,7 @@ def _camera_views(
         sizes[key] = (image.shape[1], image.shape[0])
         view = find_board(image, board)
         if view is None:
-            rejected.append(Rejected(path.name, "the board was not found in it"))
+            rejected.append(Rejected(path.name, "the board was not found"))
         else:
             views[key] = with_edge_widths(view, image, board)
     if not sizes:
@@ -95,17 +95,17 @@ def _camera_views(
     usual = Counter(sizes.values()).most_common(1)[0][0]
     for key in [key for key in views if sizes[key] != usual]:
         (width, height), _ = sizes[key], views.pop(key)
-        rejected.append(Rejected(f"{name} {key}", f"is {width}x{height}, the others {usual[0]}x{usual[1]}"))
+        rejected.append(Rejected(f"{name} {key}", f"is {width}x{height}, but the others are {usual[0]}x{usual[1]}"))
     return CameraViews(name, usual, views)
 
 
 def _check_size(shown: tuple[int, int] | None, board: Board) -> None:
-    """Raise CalibrationError if the board shown differs from its description: part of a board calibrates badly."""
+    """Raise CalibrationError if the pictures show another board: a part of it could be found, but calibrates badly."""
     asked = _larger_first(board)
     if shown is not None and shown != asked:
         raise CalibrationError(
             f"the pictures show a board of {shown[0]}x{shown[1]} inner corners, not {asked[0]}x{asked[1]}",
-            advice=f"describe the board as it is, as chessboard:{shown[0]}x{shown[1]} and the side of a square",
+            advice=f"describe the board as chessboard:{shown[0]}x{shown[1]}, with the side of a square",
         )
 
 
@@ -119,7 +119,7 @@ def _most_seen_grid(files: Mapping[str, Mapping[str, Path]], board: Board) -> tu
     chosen = [paths[i] for i in np.unique(np.linspace(0, len(paths) - 1, 5).astype(int))]
     shown: dict[tuple[int, int], set[Path]] = defaultdict(set)
     for attempt in range(3):
-        # OpenCV's finder uses random numbers: in a difficult picture it finds now the whole board, now a part
+        # OpenCV's finder uses random numbers: in a difficult picture it may find the whole board or a part of it
         cv2.setRNGSeed(attempt)
         for path in chosen:
             try:

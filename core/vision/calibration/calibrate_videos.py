@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 
-from ...errors import CalibrationError, CaptureError
+from ...errors import CalibrationError, CaptureError, counted
 from ...geometry.arrays import Array, Image
 from ...system.progress import Progress
 from ..sources.video_source import VideoSource
@@ -52,7 +52,7 @@ def calibrate_videos(
     for camera in cameras:
         if len(camera.views) < MINIMUM_VIEWS:
             raise CalibrationError(
-                f"the board was found in {len(camera.views)} of {min(source.frames, _VIDEO.searched)} moments",
+                f"the board was found in only {len(camera.views)} of {min(source.frames, _VIDEO.searched)} moments",
                 where=f"camera {camera.name}",
                 advice="check the size of the board, and that it is in the pictures, sharp and lit",
             )
@@ -80,7 +80,7 @@ def _watch_videos(names: Sequence[str], source: VideoSource, board: Board, progr
 def _moments(
     source: VideoSource,
 ) -> Iterator[tuple[int, tuple[Image, ...] | None, tuple[Image, ...], tuple[Image, ...] | None]]:
-    """Yield number and images of moments, with the previous and the next frames."""
+    """Yield the number and the images of each searched moment, with the frames before and after it."""
     step = max(1, source.frames // _VIDEO.searched)
     before: tuple[Image, ...] | None = None
     now: tuple[Image, ...] | None = None
@@ -90,13 +90,13 @@ def _moments(
             yield number, before, now, image_set.images
         before, now, number = now, image_set.images, number + 1
     if now is None:
-        raise CalibrationError("the videos hold no frames", where=source.name, advice="export them again")
+        raise CalibrationError("the videos contain no frames", where=source.name, advice="export them again")
     if number % step == 0:
         yield number, before, now, None
 
 
 def _motion(now: Image, view: BoardView, around: Sequence[Image | None], fps: float) -> Array | None:
-    """Return velocities of corners (n, 2), pixels per second, by optical flow."""
+    """Return the velocities (n, 2) of corners from optical flow, pixels per second."""
     moved: list[Array] = []
     for image, sign in zip(around, (-1.0, 1.0), strict=True):
         if image is not None:
@@ -112,7 +112,7 @@ def _flow(now: Image, other: Image, pixels: Array) -> Array | None:
     good = np.asarray(status).ravel() > 0
     if good.sum() < _VIDEO.least_tracked:
         return None
-    # the board is a plane: its homography reveals corners that were lost
+    # the board is planar, so a homography also gives the corners that optical flow lost
     homography, kept = cv2.findHomography(start[good], np.asarray(found)[good], cv2.RANSAC, 2.0)
     if homography is None or np.asarray(kept).sum() < _VIDEO.least_tracked:
         return None
@@ -129,7 +129,7 @@ def _stillest(cameras: Sequence[CameraViews]) -> tuple[list[CameraViews], list[R
     chosen = {str(min(part, key=lambda key: _speed(cameras, key))) for part in parts if len(part)}
     rejected = []
     if len(chosen) < len(shared):
-        rejected = [Rejected(f"{len(shared) - len(chosen)} frames", "the board moves less in others")]
+        rejected = [Rejected(counted(len(shared) - len(chosen), "frame"), "the board moves less in others")]
     return [replace(c, views={k: v for k, v in c.views.items() if k in chosen}) for c in cameras], rejected
 
 

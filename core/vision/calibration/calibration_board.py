@@ -1,4 +1,4 @@
-"""Calibration boards: parsing their SPEC, their points, and detection in a picture."""
+"""Calibration boards: their SPEC, their points, and their detection in a picture."""
 
 import re
 from dataclasses import dataclass, replace
@@ -31,9 +31,9 @@ class BoardSearchSettings:
     enlargement: int = 2
     cut_margin: float = 6.0  # margin around the corners, in squares
     least_charuco_corners: int = 6
-    glimpse_width: int = 400  # pixels; chessboards are found as often as at 640, in half the time
-    glimpse_codes_width: int = 960  # pixels; codes are smaller than squares
-    glimpse_scale: float = 0.5  # largest scale, because large images are meant for boards that are small in them
+    glimpse_width: int = 400  # image width of the fast search, pixels; as reliable as 640 pixels in half the time
+    glimpse_codes_width: int = 960  # the same for ChArUco boards, whose codes are smaller than squares
+    glimpse_scale: float = 0.5  # smallest scale of the fast search: in large images, boards may be small
     reach: float = 0.3  # half the side of the window that refines a corner, in squares
 
 
@@ -57,7 +57,7 @@ class Board:
             raise SettingsError(f"unknown board kind {self.kind!r}", advice=f"use {SPEC_HELP}")
         if not (min(self.columns, self.rows) >= 3 and max(self.columns, self.rows) <= 100):
             raise CalibrationError(
-                f"a board of {self.columns}x{self.rows} cannot be used", advice="use 3x3 to 100x100 squares"
+                f"a board of {self.columns}x{self.rows} cannot be used", advice="use a board of 3x3 to 100x100"
             )
         if not (np.isfinite(self.square_m) and self.square_m > 0.0):
             raise CalibrationError(
@@ -115,7 +115,7 @@ def parse_board(spec: str) -> Board:
     match = _SPEC.fullmatch(spec.strip())
     kind = match[1].lower() if match else ""
     if match is None or (kind == "charuco") != (match[6] is not None):
-        raise SettingsError("is not a board", where=repr(spec), advice=f"use {SPEC_HELP}")
+        raise SettingsError("does not describe a board", where=repr(spec), advice=f"use {SPEC_HELP}")
     columns, rows, square_m = int(match[2]), int(match[3]), float(match[4]) * _UNITS_M[match[5].lower()]
     if kind == "chessboard":
         return Board(kind, columns, rows, square_m)
@@ -142,7 +142,7 @@ def charuco_board(board: Board, is_old: bool = False) -> Any:
     """Return OpenCV's object for a ChArUco board, in metres.
 
     Args:
-        is_old: Use OpenCV's pattern up to 4.5: with an even number of rows the first square is white instead of black.
+        is_old: Use the pattern of OpenCV up to 4.5: with an even number of rows, the first square is white, not black.
     """
     made = cv2.aruco.CharucoBoard(
         (board.columns, board.rows), board.square_m, board.marker_m, _dictionary(board.dictionary)

@@ -18,9 +18,9 @@ class FloorSettings:
     """Conditions for taking markers to be on the floor."""
 
     fewest: int = 3  # number of points that determine a plane
-    still_s: float = 1.0  # time for which they must lie still
+    still_s: float = 1.0  # time for which the points must lie still
     least_moments: int = 5  # fewest observations in that time
-    still_m: float = 0.01  # largest motion: noise of a point far from the cameras, less than anyone's step
+    still_m: float = 0.01  # largest motion of a still point: more than noise far from the cameras, less than a step
     least_width_m: float = 0.2  # smallest extent perpendicular to the longest line through the markers
 
 
@@ -28,7 +28,7 @@ FLOOR = FloorSettings()
 
 
 class FloorWatch:
-    """Observation of triangulated points until they are markers that lie still on the floor.
+    """Observation of triangulated points until they can be taken for markers that lie still on the floor.
 
     Attributes:
         advice: Next step; "" once `points_m` is known.
@@ -67,7 +67,7 @@ class FloorWatch:
 
 
 def _as_before(before_m: Array, points_m: Array) -> IntArray | None:
-    """Return the earlier order (N,) of points; None if they changed or moved."""
+    """Return the indices (N,) that sort points as before; None if their number has changed or one has moved."""
     if len(points_m) != len(before_m):
         return None
     apart = np.linalg.norm(before_m[:, None] - points_m[None], axis=2)
@@ -77,9 +77,9 @@ def _as_before(before_m: Array, points_m: Array) -> IntArray | None:
 
 
 def scaled_to(rig: CameraRig, points_m: ArrayLike, longest_m: float) -> tuple[CameraRig, Array, float]:
-    """Return rig and points (N, 3), scaled so that the longest distance is `longest_m`, and the factor."""
+    """Return rig and points (N, 3), scaled so that the points' largest distance is `longest_m`, and the factor."""
     if not 0.0 < longest_m < np.inf:
-        raise CalibrationError(f"markers cannot be {longest_m:g} m apart", advice="measure from middle to middle")
+        raise CalibrationError(f"markers cannot be {longest_m:g} m apart", advice="measure from centre to centre")
     points = np.asarray(points_m, dtype=np.float64)
     factor = longest_m / float(pdist(points).max())
     cameras = tuple(replace(camera, translation_m=camera.translation_m * factor) for camera in rig.cameras)

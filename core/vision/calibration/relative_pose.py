@@ -34,7 +34,8 @@ def half_turn(centre: Array) -> Array:
 def relative_pose(first: Sequence[Array], second: Sequence[Array], centre: Array | None) -> Array:
     """Return the second-from-first pose (4, 4) on which most moments agree.
 
-    In a tie (a board always held the same way up fits both), the pose that turns the cameras least wins.
+    If several poses tie (as with a board that is always held the same way up), the one that turns the cameras least
+    wins.
 
     Args:
         first, second: Camera-from-board poses at the same moments.
@@ -53,7 +54,7 @@ def relative_pose(first: Sequence[Array], second: Sequence[Array], centre: Array
 def seen_alike(
     first: Array, second: Array, second_from_first: Array, centre: Array | None, scale: float
 ) -> tuple[bool, bool]:
-    """Return whether two cameras see a board in the same place, and whether one sees it half-turned.
+    """Return whether two cameras see a board in the same place, and whether they differ by a half turn of it.
 
     Args:
         first, second: Camera-from-board poses at one moment.

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...errors import CalibrationError
+from ...errors import CalibrationError, counted
 from ...geometry.arrays import Array, Mask
 from .bundle import (
     FIT,
@@ -25,7 +25,7 @@ from .calibration_board import BoardView
 from .relative_pose import half_turn, pose_matrix, pose_vector, relative_pose, seen_alike
 
 MINIMUM_VIEWS = 3
-"""Views of a board that determine a lens (Zhang 2000, section 3.1)."""
+"""Number of board views that determine a lens (Zhang 2000, section 3.1)."""
 
 _ALL = np.ones(INTRINSICS, dtype=bool)
 NO_SKEW = _ALL & (np.arange(INTRINSICS) != 4)
@@ -239,7 +239,7 @@ def _held_out(bundle: Bundle, observations: Sequence[CornerObservation], free: M
 
 
 def _chain_cameras(singles: Sequence[SingleCamera], centre: Array | None) -> list[Array]:
-    """Return camera-from-first (4, 4) of all cameras, chained over the pairs with most shared views."""
+    """Return camera-from-first (4, 4) of all cameras, chained over the pairs with the most shared views."""
     starts = {0: np.eye(4)}
     while len(starts) < len(singles):
         shared = {
@@ -250,7 +250,8 @@ def _chain_cameras(singles: Sequence[SingleCamera], centre: Array | None) -> lis
         }
         (i, j), keys = max(shared.items(), key=lambda item: len(item[1]))
         if len(keys) < MINIMUM_VIEWS:
-            what = f"{singles[i].name} and {singles[j].name} saw the board together in {len(keys)} picture(s) only"
+            together = f"saw the board together in only {counted(len(keys), 'moment')}"
+            what = f"{singles[i].name} and {singles[j].name} {together}"
             if not keys:
                 names = " or ".join(singles[c].name for c in starts)
                 what = f"{singles[j].name} never saw the board together with {names}"
@@ -263,9 +264,9 @@ def _chain_cameras(singles: Sequence[SingleCamera], centre: Array | None) -> lis
 def _members(
     singles: Sequence[SingleCamera], starts: Sequence[Array], refused: list[Rejected], centre: Array | None
 ) -> dict[str, dict[int, bool]]:
-    """Return each moment's cameras, and whether its board is numbered from the other end.
+    """Return each moment's cameras, and for each whether it numbers the board from the other end.
 
-    A moment's cameras are the largest group that agrees with one of them on where the board is.
+    A moment's cameras are the largest group that agrees with one of its cameras on where the board is.
     """
     scale = float(np.median([np.linalg.norm(pose[:3, 3]) for single in singles for pose in single.poses.values()]))
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import least_squares
 
-from ...errors import CalibrationError
+from ...errors import CalibrationError, counted
 from ...geometry import rotations as rot
 from ...geometry.arrays import Array, FloatArray
 from ...geometry.camera import Camera, CameraRig
@@ -22,19 +22,20 @@ from ..matching.stereo import StereoMatcher
 class RefinementSettings:
     """Settings for finding camera poses from markers."""
 
-    # epipolar gates of the passes: a bumped camera's lines miss by degrees; each pass lets fewer wrong pairs through
+    # epipolar gates of successive passes: after a bump, epipolar lines miss by degrees; each pass admits fewer wrong
+    # pairs
     gates_deg: tuple[float, ...] = (3.0, 1.0, 0.4)
-    # Prior of a bump, rotation (radians) and shift (m), one standard deviation. Markers say little about rotations and
+    # Prior standard deviations of a bump, rotation (radians) and shift (m). Markers say little about rotations and
     # shifts that almost cancel; without a prior, systematic errors of lenses and times would be taken for such a bump.
     bump_sigmas: tuple[float, ...] = (0.03, 0.03, 0.03, 0.02, 0.02, 0.02)
     systematic_px: float = 0.3  # errors that all markers in the same place share
-    independent: float = 100.0  # number of independent markers to which all of them are equivalent
+    independent: float = 100.0  # number of independent points that are worth as much as all points with their errors
     robust_px: float = 0.5  # scale of the soft L1 loss
     least_points: int = 200
     least_frames: int = 20
-    sure: float = 0.02  # `depth_sigma` of cameras that are good to measure with; bones are wrong by about as much
-    bumped_px: float = 1.0  # twice the usual error of cameras that have not moved
-    bumped_factor: float = 2.0  # and this many times the error after the refinement
+    sure: float = 0.02  # largest `depth_sigma` for measuring; bone lengths are then wrong by about as much
+    bumped_px: float = 1.0  # smallest error of moved cameras: twice the usual error of cameras that have not moved
+    bumped_factor: float = 2.0  # smallest ratio of a moved camera's error before and after the refinement
 
 
 _REFINEMENT = RefinementSettings()
@@ -45,12 +46,12 @@ class Refinement:
     """Cameras with refined poses."""
 
     rig: CameraRig  # the first camera and the distance between the first two are unchanged
-    before_px: float  # median reprojection error with the old poses,
-    after_px: float  # and for the same markers with the new poses
-    turned_deg: Array  # (C,) since the calibration
-    moved_mm: Array  # (C,)
+    before_px: float  # median reprojection error with the old poses
+    after_px: float  # the same with the new poses
+    turned_deg: Array  # (C,) rotation of each camera since the calibration
+    moved_mm: Array  # (C,) shift of each camera since the calibration
     depth_sigma: float  # relative standard deviation of markers' distances due to the uncertainty of the camera poses
-    points: int
+    points: int  # number of points used
 
     @property
     def bumped(self) -> bool:
@@ -82,9 +83,10 @@ def refine_rig(rig: CameraRig, frames: Sequence[Sequence[FloatArray]]) -> Refine
         observed, weights, moments = _match_markers(found, frames, float(gate))
         if len(observed) < _REFINEMENT.least_points or len(np.unique(moments)) < _REFINEMENT.least_frames:
             raise CalibrationError(
-                f"{len(observed)} markers at {len(np.unique(moments))} moments are seen by several cameras; "
-                f"{_REFINEMENT.least_points} at {_REFINEMENT.least_frames} are needed",
-                advice="move markers through all of the cameras' view for half a minute, or calibrate again",
+                f"several cameras see {counted(len(observed), 'marker position')} at "
+                f"{counted(len(np.unique(moments)), 'moment')}, but {_REFINEMENT.least_points} at "
+                f"{_REFINEMENT.least_frames} are needed",
+                advice="move markers through the cameras' whole view for half a minute, or calibrate again",
             )
         found, depth_sigma = _fit_cameras(found, observed, weights)
     before, after = (np.array([camera.rotation for camera in each.cameras]) for each in (rig, found))
@@ -120,7 +122,7 @@ def _match_markers(
 
 
 def _fit_cameras(rig: CameraRig, observed: Array, weights: Array) -> tuple[CameraRig, float]:
-    """Move all cameras except the first so that rays meet; return rig and depth sigma."""
+    """Move all cameras except the first so that rays meet; return the rig and its `depth_sigma`."""
     seen = weights > 0.0
     usual = np.tile(_REFINEMENT.bump_sigmas, len(rig) - 1)
     scale = np.sqrt(_REFINEMENT.independent / len(observed)) * _REFINEMENT.robust_px / _REFINEMENT.systematic_px
@@ -133,7 +135,7 @@ def _fit_cameras(rig: CameraRig, observed: Array, weights: Array) -> tuple[Camer
             local = camera.to_camera(points[seen[:, index]])
             rows.append((local[:, :2] / local[:, 2:] - observed[seen[:, index], index]) * camera.focal_px)
         errors = np.concatenate(rows).ravel() / _REFINEMENT.robust_px
-        # their squares are a soft L1 loss
+        # the squares of these errors are a soft L1 loss
         errors = np.sign(errors) * np.sqrt(2.0 * (np.sqrt(1.0 + errors**2) - 1.0))
         return np.concatenate((errors * scale, unknown / usual))
 
@@ -148,7 +150,7 @@ def _depth_sigma(rig: CameraRig, found: Array, covariance: Array, observed: Arra
     sizes, axes = np.linalg.eigh(covariance)
     squares = 0.0
     for size, axis in zip(sizes, axes.T, strict=True):
-        step = 0.1 * np.sqrt(max(size, 0.0))  # a tenth of a deviation: distant points do not move in proportion
+        step = 0.1 * np.sqrt(max(size, 0.0))  # only a tenth: distant points do not move in proportion
         other = triangulate(_move_cameras(rig, found + step * axis).cameras, observed, weights, 1.0)[0]
         squares += float(np.median(np.linalg.norm(other - points, axis=1) / far / 0.1)) ** 2
     return float(np.sqrt(squares))

@@ -1,4 +1,4 @@
-"""Background of a camera: mean and deviation of every pixel (Chai and Hodgins 2005, section on the cameras)."""
+"""Background of a camera: mean and standard deviation of each pixel (Chai and Hodgins 2005, section on the cameras)."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from ...errors import CaptureError
+from ...errors import CaptureError, counted
 from ...geometry.arrays import Array, FloatArray, Image
 
 
@@ -20,7 +20,8 @@ class Background:
     def __post_init__(self) -> None:
         if self.mean.shape != self.deviation.shape or self.mean.shape[2:] != (3,):
             raise CaptureError(
-                f"mean {self.mean.shape} and deviation {self.deviation.shape} are not colour images of one size"
+                f"mean {self.mean.shape} and deviation {self.deviation.shape} are not colour images of one size",
+                advice="learn the background again",
             )
 
     @property
@@ -53,11 +54,12 @@ class BackgroundLearner:
         self._squares: Array | None = None
 
     def add(self, image: Image) -> None:
-        """Add a frame (height, width, 3) of the same size."""
+        """Add a frame (height, width, 3); all frames have the same size."""
         if self._sum is None or self._squares is None:
             self._sum, self._squares = np.zeros(image.shape), np.zeros(image.shape)
         if image.shape != self._sum.shape:
-            raise CaptureError(f"the images changed size from {self._sum.shape} to {image.shape}")
+            what = f"the images changed size from {self._sum.shape} to {image.shape}"
+            raise CaptureError(what, advice="learn the background from images of one size")
         cv2.accumulate(image, self._sum)
         cv2.accumulateSquare(image, self._squares)
         self._count += 1
@@ -66,7 +68,7 @@ class BackgroundLearner:
         """Return the background learned from at least two frames."""
         if self._count < 2 or self._sum is None or self._squares is None:
             raise CaptureError(
-                f"the background cannot be learned from {self._count} frame(s)",
+                f"the background cannot be learned from {counted(self._count, 'frame')}",
                 advice="let the cameras run for a second or two without the performer",
             )
         mean = self._sum / self._count
@@ -91,7 +93,8 @@ def background_from_take(samples: Sequence[Image]) -> Background:
     may cover it for 40 % of the take.
     """
     if len(samples) < 2:
-        raise CaptureError(f"the background cannot be learned from {len(samples)} frame(s)")
+        what = f"the background cannot be learned from {counted(len(samples), 'frame')}"
+        raise CaptureError(what, advice="give frames from the whole take")
     stack = np.sort(np.stack(samples), axis=0)
     kept = stack[: max(2, round(0.6 * len(stack)))].astype(np.float32)
     # cutting off the upper 40 % leaves 0.70 of a normal distribution's standard deviation

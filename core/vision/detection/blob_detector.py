@@ -24,22 +24,22 @@ class DetectionSettings:
     # that comes from elsewhere is found up to n images later.
     whole_every: int = 1
     small_image: int = 640 * 480
-    reach: float = 0.08  # search range around the last markers, share of the longer side: 10 m/s seen from 2 m at 60 Hz
+    reach: float = 0.08  # search range around the last markers, share of the longer side: 10 m/s at 2 m and 60 Hz
     lowest_threshold: float = 12.0  # smallest automatic threshold
     sigmas: float = 6.0  # smallest difference of a pixel from the background, in its standard deviations
     smallest_px: float = 0.8  # smallest radius of a marker
     largest_px: float = 12.0
     least_roundness: float = 0.3  # ratio of a blob's short to its long axis; motion blur makes discs long
-    relative_brightness: float = 0.35  # of the usual marker; a dimmer blob is not a marker (automatic threshold)
-    relative_radius: float = 0.4  # the same for its radius, against small glints on clothing
+    relative_brightness: float = 0.35  # smallest brightness relative to the usual marker's (automatic threshold)
+    relative_radius: float = 0.4  # smallest radius relative to the usual marker's, against small glints on clothing
     dimmest: float = 0.5  # share of the last image's limit below which blobs are not even measured
-    memory: float = 0.9  # share of the usual brightness that is kept per image
+    memory: float = 0.9  # factor by which the usual brightness decays per image
     usual_markers: int = 8  # number of the brightest markers whose median counts as usual
     most_blobs: int = 100  # largest number of blobs; the brightest are kept
     spot_px: int = 11  # side of a spot's surroundings, wider than a marker on a performer seen whole in 640x480 pixels
-    spot_contrast: float = 40.0  # smallest contrast of a spot against the body, which is lit and creased
-    spot_brightness: float = 0.85  # share of the usual spot's brightness; reflectors are brighter than skin and cloth
-    ignored_share: float = 0.01  # radius of an ignored position, share of the image's width; reflections move
+    spot_contrast: float = 40.0  # smallest contrast of a spot against the body, on which lit creases stand out
+    spot_brightness: float = 0.85  # smallest brightness relative to the usual spot's; skin and cloth are less bright
+    ignored_share: float = 0.01  # radius around an ignored position, share of the image's width; reflections move
 
     def __post_init__(self) -> None:
         if self.threshold is not None and not 1.0 <= self.threshold <= 250.0:
@@ -94,7 +94,7 @@ class Detector:
     def foreground(self, image: Image, part: "_EmptyRoom | None" = None) -> tuple[Image, int]:
         """Return the dilated mask (0 or 255) of pixels that differ from the background, and its first column.
 
-        It has all rows, but only the columns from the first such pixel to the last.
+        The mask has all rows, but only the columns from the first such pixel to the last.
 
         Args:
             part: Empty room behind a part of the image.
@@ -162,19 +162,19 @@ class Detector:
         return table[inside]
 
     def _found(self, image: Image, room: "_EmptyRoom | None") -> Array:
-        """Return marker candidates in an image, or in a part of image and room."""
+        """Return the marker candidates in an image or in a part of it, with the empty room behind it."""
         settings = self.settings
         dimmest = max(self.threshold, settings.dimmest * settings.relative_brightness * self._usual_contrast)
         parts = _parts(*self.foreground(image, room), settings)
         alone, bodies = self._measure_alone(image, room, [part for part in parts if part.may_be_marker], dimmest)
-        # the other parts belong to the performer and have markers on them
+        # the other parts are too large for markers, but may be performers with markers on them
         bodies += [part for part in parts if not part.may_be_marker]
         return np.concatenate((alone, self._measure_on_bodies(image, room, bodies, dimmest)))
 
     def _measure_alone(
         self, image: Image, room: "_EmptyRoom | None", parts: "list[_Component]", dimmest: float
     ) -> "tuple[Array, list[_Component]]":
-        """Return markers among foreground parts, and the bright parts that are not markers."""
+        """Return the markers among foreground parts, and the bright parts that are not markers."""
         if not parts:
             return np.empty((0, blobs.COLUMNS)), []
         owner, x, y = _pixels(parts)
@@ -198,7 +198,7 @@ class Detector:
     def _measure_on_bodies(
         self, image: Image, room: "_EmptyRoom | None", bodies: "list[_Component]", dimmest: float
     ) -> Array:
-        """Return the markers on parts of the foreground."""
+        """Return the markers on foreground parts that may be performers."""
         spots = [self._spots(image, room, body, dimmest) for body in bodies]
         if not spots:
             return np.empty((0, blobs.COLUMNS))
@@ -263,11 +263,11 @@ _Window = tuple[slice, slice]
 class _EmptyRoom:
     """The empty room, or a part of it."""
 
-    low: Image  # (h, w, 3) smallest value of each pixel and channel that is still background,
-    width: Image  # and the height of the band above it
+    low: Image  # (h, w, 3) smallest background value of each pixel and channel
+    width: Image  # (h, w, 3) largest background value minus `low`
     mean: FloatArray  # (h, w, 3)
-    light: NDArray[np.uint16]  # (h, w) sum of the channels,
-    lit: NDArray[np.uint16]  # and the same raised by the threshold
+    light: NDArray[np.uint16]  # (h, w) sum of the channels
+    lit: NDArray[np.uint16]  # (h, w) `light` plus the threshold, summed over the channels
 
     def within(self, window: _Window) -> "_EmptyRoom":
         return _EmptyRoom(self.low[window], self.width[window], self.mean[window], self.light[window], self.lit[window])
@@ -275,12 +275,12 @@ class _EmptyRoom:
 
 @dataclass(frozen=True)
 class _Component:
-    """A connected part of a mask."""
+    """Connected component of a mask."""
 
     left: int
     top: int
-    inside: Mask  # (h, w) pixels of its box that belong to it
-    may_be_marker: bool  # its box is small enough for a marker, or for two that touch
+    inside: Mask  # (h, w) pixels of the bounding box that belong to the component
+    may_be_marker: bool  # the bounding box is small enough for a marker, or for two that touch
 
     @property
     def window(self) -> _Window:
@@ -289,7 +289,7 @@ class _Component:
 
 
 def _parts(mask: Image, first_column: int, settings: DetectionSettings) -> list[_Component]:
-    """Return connected parts of a dilated mask that are large enough for a marker."""
+    """Return the connected components of a dilated mask that are large enough for a marker."""
     # contours, and labels within their boxes, take half the time of labels with statistics for the whole image
     contours, hierarchy = cv2.findContours(mask, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_SIMPLE)
     parts = []
@@ -308,13 +308,13 @@ def _parts(mask: Image, first_column: int, settings: DetectionSettings) -> list[
 
 
 def _labels(mask: Image) -> NDArray[np.int32]:
-    """Return the number of each pixel's connected part, 0 if it has none."""
+    """Return the number of each pixel's connected component, 0 outside the mask."""
     labels = cv2.connectedComponentsWithAlgorithm(mask, 8, cv2.CV_32S, cv2.CCL_BOLELLI)[1]
     return np.asarray(labels, dtype=np.int32)
 
 
 def _pixels(parts: Sequence[_Component]) -> tuple[IntArray, IntArray, IntArray]:
-    """Return part, x and y (P,) for the pixels of some parts."""
+    """Return the part, x and y (P,) of the pixels of several parts."""
     places = [part.inside.nonzero() for part in parts]
     owner = np.repeat(np.arange(len(parts)), [len(rows) for rows, _ in places])
     x = np.concatenate([columns + part.left for part, (_, columns) in zip(parts, places, strict=True)])
@@ -325,8 +325,8 @@ def _pixels(parts: Sequence[_Component]) -> tuple[IntArray, IntArray, IntArray]:
 def _contrast(rise: FloatArray, owner: IntArray, parts: int) -> FloatArray:
     """Return the light (P,) of pixels above the empty room, grey levels.
 
-    Channels count by how much brighter they are in the whole part, so that those of a red marker that are darker than a
-    lit wall do not cancel its red.
+    Channels are weighted by how much brighter they are in the whole part. Otherwise a red marker's blue and green,
+    which are darker than a lit wall, would cancel its red.
 
     Args:
         rise: Pixels (P, 3) minus the empty room.

@@ -22,8 +22,8 @@ _GROUP = 1 << 20  # larger than the number of blobs in an image
 class MeasurementSettings:
     """Settings for measuring blobs and splitting markers that touch."""
 
-    # exponent of the contrast in centroids: it gives discs of 1.5 to 6 pixels the least error; 1 suffers from missing
-    # parts of the rim, larger ones from how the peak falls on the pixels
+    # Exponent of the contrast in centroids, with the smallest error for discs of 1.5 to 6 pixels: with 1, missing parts
+    # of the rim matter too much; with larger exponents, the position of the peak within a pixel does.
     exponent: float = 1.3
     lit: float = 0.5  # smallest contrast of pixels used for the hue, as a share of the largest
     round_enough: float = 0.6  # ratio of axes above which a blob is one marker
@@ -39,7 +39,7 @@ _MEASUREMENT = MeasurementSettings()
 
 @dataclass(frozen=True)
 class BlobPixels:
-    """Pixels of some blobs, blob by blob, each from its dimmest to its brightest."""
+    """Pixels of several blobs, one blob after another, each from its dimmest pixel to its brightest."""
 
     owner: IntArray  # (P,) ascending number of each pixel's blob
     x: IntArray  # (P,) in the image
@@ -52,7 +52,7 @@ class BlobPixels:
         return BlobPixels(self.owner[which], self.x[which], self.y[which], self.contrast[which], self.colours[which])
 
     def spans(self) -> tuple[IntArray, IntArray]:
-        """Return the first pixel (N,) of each blob and its number of pixels."""
+        """Return the index (N,) of each blob's first pixel, and its number (N,) of pixels."""
         others = (self.owner[1:] != self.owner[:-1]).nonzero()[0]
         bounds = np.empty(len(others) + 2, dtype=np.int64)
         bounds[0], bounds[1:-1], bounds[-1] = 0, others + 1, len(self.owner)
@@ -60,7 +60,7 @@ class BlobPixels:
 
 
 def blob_pixels(owner: IntArray, x: IntArray, y: IntArray, contrast: FloatArray, colours: Image) -> BlobPixels:
-    """Return the pixels with any contrast, in order; the owners are ascending."""
+    """Return the pixels with positive contrast in the order of `BlobPixels`; the owners are ascending."""
     order = np.argsort(owner * 1024.0 + contrast)  # contrasts are smaller than this factor
     order = order[contrast[order] > 0.0]
     return BlobPixels(owner[order], x[order], y[order], contrast[order], colours[order])
@@ -72,7 +72,7 @@ NO_PIXELS = blob_pixels(
 
 
 def join_groups(groups: Sequence[BlobPixels]) -> BlobPixels:
-    """Return the blobs of some groups, with numbers increased by the group's."""
+    """Return the blobs of several groups, with numbers from which `group_of` finds the group."""
     if len(groups) == 1:
         return groups[0]
     owners = [group.owner + number * _GROUP for number, group in enumerate(groups)]
@@ -81,7 +81,7 @@ def join_groups(groups: Sequence[BlobPixels]) -> BlobPixels:
 
 
 def group_of(owners: IntArray) -> IntArray:
-    """Return the joined group of each blob."""
+    """Return the index of the group from which `join_groups` took each blob."""
     return owners // _GROUP
 
 
@@ -102,13 +102,13 @@ def measure(pixels: BlobPixels) -> tuple[IntArray, Array]:
     x, y, xx, yy, xy = moments[1:] / moments[0]
     spread_x, spread_y, spread_xy = xx - x * x, yy - y * y, xy - x * y
     mean, half = 0.5 * (spread_x + spread_y), np.hypot(0.5 * (spread_x - spread_y), spread_xy)
-    # 1/12, the variance of a pixel's own extent, limits the ratio of the smallest blobs
+    # 1/12, the variance of a uniform pixel, keeps the ratio of the smallest blobs near 1
     roundness = np.sqrt((np.maximum(mean - half, 0.0) + 1 / 12) / (mean + half + 1 / 12))
     sums, stops = _sums_before(pixels.contrast), starts + counts
     eighth = np.maximum(counts // 8, 1)
     plateau = (sums[stops] - sums[stops - eighth]) / eighth
     radius = np.sqrt((sums[stops] - sums[starts]) / (math.pi * plateau))
-    # without rim pixels, because their number depends on how a small blob falls on the pixels
+    # without rim pixels, because their number depends on where a small blob lies on the pixel grid
     least = np.array((_MEASUREMENT.lit * plateau, pixels.contrast[stops - eighth]))
     columns = np.ones((len(pixels.x), 4))
     columns[:, :3] = pixels.colours
@@ -141,7 +141,7 @@ def measure_apart(pixels: BlobPixels) -> tuple[IntArray, Array]:
 
 
 def subtract_skin(pixels: BlobPixels) -> BlobPixels:
-    """Return the spots above the level of the body.
+    """Return the spots with the level of the body subtracted.
 
     If a thin part of the body (a hand) stands out from the background as well, there are two levels, skin and
     marker. Otherwise only the rim is removed.
@@ -177,7 +177,7 @@ def _skin_level(values: list[float], sums: list[float], start: int, stop: int) -
 def _split(pixels: BlobPixels) -> list[BlobPixels]:
     """Return the pixels of markers that touch; none for a single marker.
 
-    They are separated by a higher level of brightness, or, if flat discs overlap without a valley, at the neck.
+    A higher threshold separates the markers or, if flat discs overlap without a valley between them, a cut at the neck.
     """
     x, y = pixels.x - pixels.x.min() + 1, pixels.y - pixels.y.min() + 1
     contrast = np.zeros((y.max() + 2, x.max() + 2), dtype=np.float32)

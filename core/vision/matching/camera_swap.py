@@ -12,7 +12,7 @@ from ...geometry.camera import CameraRig
 from .matching_settings import MATCHING
 from .stereo import Matches, StereoMatcher
 
-_EXCHANGED = "left and right camera seem to be exchanged"
+_EXCHANGED = "the left and the right camera seem to be exchanged"
 
 _Flip: TypeAlias = tuple[int, int]  # signs along and across an image's rows
 _STRAIGHT: _Flip = (1, 1)
@@ -31,7 +31,7 @@ class ImageMismatch:
 
 
 class CameraSwapDetector:
-    """Test of two cameras' images, made while their blobs match badly; does nothing for other numbers of cameras."""
+    """Test of two cameras' images, run while their blobs match badly; other numbers of cameras are not tested."""
 
     def __init__(self, rig: CameraRig) -> None:
         self._mismatches = image_mismatches(rig)
@@ -39,7 +39,7 @@ class CameraSwapDetector:
         self._matchers = (
             [] if len(rig) != 2 else [StereoMatcher(CameraRig(cameras)) for cameras in (rig.cameras, rig.cameras[::-1])]
         )
-        # mean errors of each mismatch: with the images unchanged, and changed
+        # mean errors for each possible mismatch, with the images as they are and as they would be without it
         self._errors_px = [deque[tuple[float, float]](maxlen=MATCHING.swap_frames) for _ in self._mismatches]
         self._turn = 0
 
@@ -48,7 +48,8 @@ class CameraSwapDetector:
         seen = min(len(rows) for rows in blobs)
         if self._mismatches and seen >= MATCHING.fewest_blobs:
             error = self._error_px(matches, seen)
-            # an exchange, which happens often, each time; the others in turn, because a test takes as long as the match
+            # An exchange is frequent, so it is tested every time. The others are tested in turn, because a test takes
+            # as long as the matching itself.
             self._turn = self._turn % (len(self._mismatches) - 1) + 1
             for tried in (0, self._turn):
                 is_bad = error > MATCHING.swap_px
@@ -75,7 +76,7 @@ class CameraSwapDetector:
 
 
 def image_mismatches(rig: CameraRig) -> tuple[ImageMismatch, ...]:
-    """Return what can be wrong with the images of two cameras; empty for other numbers of cameras."""
+    """Return all that can be wrong with the images of two cameras; nothing for other numbers of cameras."""
     if len(rig) != 2:
         return ()
     found = [ImageMismatch(_EXCHANGED, is_exchange=True)]

@@ -12,7 +12,7 @@ from .matching_settings import MATCHING
 
 
 class BlobLinker:
-    """Links blobs to tracks; a track ends after a gap."""
+    """Linker of blobs to tracks; a track ends after a gap."""
 
     def __init__(self, width_px: int) -> None:
         self._scale = width_px / 640.0
@@ -60,14 +60,14 @@ class ImageTracks:
     ids: IntArray  # (S, F), -1 where a row has no track
 
     def thin(self, most: int) -> "ImageTracks":
-        """Return at most this many images, evenly spaced."""
+        """Return the tracks in at most this many evenly spaced images."""
         step = -(-len(self.times_s) // most)
         return ImageTracks(self.times_s[::step], self.points[:, ::step], self.ids[:, ::step])
 
     def at(self, times_s: Array) -> tuple[Array, IntArray]:
         """Return points (S, N, 2) and tracks (S, N) at other times, NaN and -1 outside.
 
-        They are interpolated with cubics between two images before and two after, all of which must show the track.
+        Points are interpolated by cubics from two images before and two after, all of which must show the track.
         """
         last = len(self.times_s) - 3
         if last < 1:

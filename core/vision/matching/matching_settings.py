@@ -7,7 +7,7 @@ from dataclasses import dataclass
 class MatchingSettings:
     """Settings for following blobs, moving them in time and matching them; sigmas are standard deviations."""
 
-    # tracks, in an image 640 pixels wide, which a marker at 5 m/s crosses in less than a second
+    # tracks; pixels are those of an image 640 pixels wide, which a marker at 5 m/s crosses in less than a second
     gate_px: float = 6.0  # largest distance from the expected position
     gate_px_s: float = 400.0  # growth of that distance with the time since the last image
     new_px_s: float = 900.0  # the same for a blob with unknown velocity
@@ -18,7 +18,7 @@ class MatchingSettings:
     parabola_images: int = 3  # images that determine a blob's parabola
     least_step_s: float = 0.001  # smallest step of the common moment when offsets change
     largest_step_s: float = 0.25  # backward step of time above which alignment starts over
-    reach_periods: float = 1.0  # largest distance of a usable image from the common moment
+    reach_periods: float = 1.0  # largest distance in time of a usable image from the common moment, frame periods
     # time offsets
     grid_step_s: float = 0.004  # step between the offsets that are tried first
     grid_images: int = 600  # largest number of the reference's images on the grid
@@ -30,7 +30,7 @@ class MatchingSettings:
     difference_frames: float = 3.0  # half the interval for velocities, in frames
     least_scale_px: float = 0.05  # smallest scale of the Cauchy weights
     accepted: float = 3.0  # largest distance between tracks of one marker, as a multiple of the usual one
-    drift_sigma: float = 1e-3  # clocks differ by less than this
+    drift_sigma: float = 1e-3  # standard deviation of the drift; real clocks differ by less
     block_s: float = 0.5  # time within which errors are correlated
     certain_s: float = 0.0005  # sigma below which an offset is certain; twice this is half a centimetre at 5 m/s
     significant: float = 3.0  # smallest certain offset, in sigmas
@@ -47,15 +47,15 @@ class MatchingSettings:
     size_sigma: float = 0.35  # sigma of the logarithm of its radius
     brightness_sigma: float = 0.6  # sigma of the logarithm of its brightness
     no_match: float = 30.0  # cost of a blob without a partner
-    most_blobs: int = 150  # per camera, the brightest; the cost grows with their square, and even faster with ghosts
+    most_blobs: int = 150  # number of blobs per camera, the brightest; the computing time grows with its square or more
     # exchanged cameras
     fewest_blobs: int = 4  # fewest blobs in an image that counts
     swap_frames: int = 6  # images that are averaged: a quarter of a second at 30 Hz
-    swap_px: float = 0.75  # mean error above which the exchanged order is tried
-    swap_gain: float = 0.35  # error in the right order, relative to the wrong one, below which an exchange is reported
+    swap_px: float = 0.75  # mean error above which exchanged or flipped images are tried
+    swap_gain: float = 0.35  # ratio of the errors with changed and unchanged images below which a fault is reported
     # prediction of unlabelled points
     fastest_m_s: float = 12.0  # largest speed of a marker
-    jitter_m: float = 0.05  # largest distance between images for a marker at rest
+    jitter_m: float = 0.05  # largest motion between images of a marker at rest
     forget_s: float = 0.5  # time for which a hidden point is predicted
     damping: float = 0.8  # share of the measured velocity that is used
 

@@ -122,7 +122,7 @@ class StereoMatcher:
         candidates = np.full(line.shape, -1, dtype=np.int64)
         candidates[rows, columns] = np.arange(len(rows))
         chosen = _choose(base, rows, columns, candidates)
-        # once more, with the performer's distance from the first result
+        # choose again, now that the first result shows the performer's depth
         if len(chosen) >= 3:
             middle = float(_medians(depth[chosen]))
             cost = base + np.minimum(((depth - middle) / MATCHING.spread_m) ** 2, MATCHING.most_coherence)
@@ -195,7 +195,7 @@ def homogeneous(points: Array) -> Array:
 
 
 def _dissimilarity(a: FloatArray, b: FloatArray, rows: IntArray, columns: IntArray) -> Array:
-    """Return squared dissimilarities (K,) of two cameras' blobs, each relative to the median of its camera."""
+    """Return squared dissimilarities (K,) of two cameras' blobs, each measured relative to its camera's median."""
     apart = _unlike_usual(a)[rows] - _unlike_usual(b)[columns]
     sizes, brightnesses = apart[:, 0] / MATCHING.size_sigma, apart[:, 1] / MATCHING.brightness_sigma
     hue = np.minimum(np.abs((apart[:, 2] + 90.0) % 180.0 - 90.0), 2.0 * MATCHING.hue_sigma) / MATCHING.hue_sigma

@@ -16,7 +16,7 @@ from .time_offset import TimeOffset
 
 @dataclass(frozen=True)
 class _Seen:
-    """Blobs (n, 5) of one image, their tracks (n,), and the time it shows."""
+    """Blobs (n, 5) of one image, their tracks (n,), and the time that the image shows."""
 
     moment_s: float
     blobs: FloatArray
@@ -35,7 +35,7 @@ class TimeAligner:
     def align(
         self, time_s: float, stamps_s: Array, blobs: Sequence[FloatArray]
     ) -> tuple[float, tuple[FloatArray, ...]]:
-        """Return the common moment and the blobs (n, 5) of each camera at it.
+        """Return the common moment and the blobs (n, 5) of each camera at that moment.
 
         Args:
             time_s: Time of the images if none has a stamp.

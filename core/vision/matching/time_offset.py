@@ -1,9 +1,9 @@
 """Time offsets between cameras, estimated from moving markers.
 
-A marker that moves across the epipolar lines is off them if two images show different moments. So one camera's blobs,
-moved in time along their tracks, are nearest to the epipolar lines of the other's if the shift equals the offset.
-A grid of offsets finds this roughly, and which tracks belong together; Gauss-Newton with Cauchy weights
-then refines offset and drift with all tracks.
+If two images show different moments, a marker that moves across the epipolar lines misses them. One camera's blobs,
+shifted in time along their tracks, come closest to the epipolar lines of the other's when the shift equals the offset.
+A grid search finds the offset roughly, and with it the tracks that belong together; Gauss-Newton steps with Cauchy
+weights then refine offset and drift with all tracks.
 """
 
 from collections.abc import Sequence
@@ -22,7 +22,7 @@ from .stereo import essential_matrix, homogeneous
 
 @dataclass(frozen=True)
 class TimeOffset:
-    """Timing of a camera: an image stamped t shows t + offset_s + drift (t - middle_s) on the reference's clock."""
+    """Timing of a camera: an image stamped t shows the reference's time t + offset_s + drift (t - middle_s)."""
 
     offset_s: float = 0.0
     drift: float = 0.0  # seconds per second
@@ -88,7 +88,7 @@ class _Pair:
         self._lines = homogeneous(tracks_a.points) @ self._essential.T
 
     def _distances(self, offset_s: float, drift: float) -> tuple[Array, IntArray]:
-        """Return signed Sampson distances (A, B, F), pixels, and the other's tracks."""
+        """Return signed Sampson distances (A, B, F), pixels, and the second camera's tracks (B, F)."""
         shift = offset_s + drift * (self.times_s - self._middle_s)
         points, ids = self._b.at(self.times_s - shift)
         y = homogeneous(points)
@@ -130,8 +130,8 @@ class _Pair:
         chosen &= costs <= MATCHING.accepted**2 * max(usual, MATCHING.least_scale_px**2)
         a, b, f = np.nonzero(chosen)
         since = self.times_s[f] - self._middle_s
-        # Velocities and distances come from different images: noise in both would be a bias towards the middle between
-        # two images, where the interpolated noise is least.
+        # Velocities and distances come from different images. Noise that both shared would bias the offset towards the
+        # middle between two images, where interpolated noise is smallest.
         apart_s = MATCHING.difference_frames * float(np.median(np.diff(self._b.times_s)))
 
         def linearise(state: Array) -> tuple[Array, Array]:
@@ -172,7 +172,7 @@ class _Pair:
 def estimate_time_offsets(
     rig: CameraRig, frames: Sequence[MarkerFrame], largest_s: float, about: Sequence[TimeOffset] = ()
 ) -> tuple[TimeOffset, ...]:
-    """Return each camera's time offset relative to the first, from blobs of frames.
+    """Return each camera's time offset relative to the first, estimated from the blobs of marker frames.
 
     Args:
         frames: Frames with the blobs' positions in the images, and the images' time stamps.

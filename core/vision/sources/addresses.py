@@ -1,10 +1,10 @@
-"""Network addresses of cameras and films."""
+"""Network addresses of cameras and videos."""
 
 from pathlib import PurePosixPath
 from urllib.parse import urlsplit
 
 _PREFIXES = ("http://", "https://", "rtsp://", "rtmp://", "udp://", "tcp://")
-_FILMS = (".mp4", ".m4v", ".mov", ".avi", ".mkv", ".webm")
+_VIDEO_EXTENSIONS = (".mp4", ".m4v", ".mov", ".avi", ".mkv", ".webm")
 
 
 def is_address(text: str) -> bool:
@@ -20,10 +20,10 @@ def is_stream(text: str) -> bool:
         path = urlsplit(text).path
     except ValueError:  # an unmatched bracket, which is reported when the address is opened
         return True
-    return PurePosixPath(path).suffix.lower() not in _FILMS
+    return PurePosixPath(path).suffix.lower() not in _VIDEO_EXTENSIONS
 
 
 def camera_name(device: int | str) -> str:
-    """Return a camera's number or address, without a login, because others read it in messages and takes."""
+    """Return a camera's number, or its address without the login, because others see it in messages and takes."""
     start, mark, rest = str(device).partition("://")
     return start + mark + rest.rpartition("@")[2]

@@ -1,8 +1,8 @@
 """Exposure, gain and focus of cameras.
 
-Drivers disagree about units and about switching automatic controls off, so values are read back. Exposure is in tenths
-of a millisecond on Linux (V4L2), elsewhere the base-2 logarithm of seconds; gain and focus are in the camera's own
-units.
+Drivers disagree about units and about how automatic controls are switched off, so values are read back. Exposure is in
+tenths of a millisecond on Linux (V4L2) and the base-2 logarithm of seconds elsewhere; gain and focus are in the
+camera's own units.
 """
 
 import math
@@ -19,9 +19,9 @@ _MANUAL, _AUTOMATIC = {_V4L2: 1.0}, {_V4L2: 3.0}
 
 
 def apply_controls(capture: Any, controls: CameraControls) -> Sequence[str]:
-    """Set controls of an open `cv2.VideoCapture`; return the names of those it refused.
+    """Set controls of an open `cv2.VideoCapture`; return the names of those that the camera refused.
 
-    The others are switched back to automatic, because cameras remember the last program's settings.
+    Controls without a value are switched back to automatic, because cameras remember the last program's settings.
     """
     backend = str(capture.getBackendName())
     refused = []

@@ -29,9 +29,10 @@ class CameraSource(ClosableSource):
     """Image sets from cameras, as they arrive.
 
     A thread reads each camera, so that a frozen one does not delay the others. Images are stamped by the driver if it
-    uses our clock, else on arrival. Frames are numbered by these times; a missing number is a lost frame. A camera that
-    freezes, is gone, black or repeats its image is named in the sets' notes and skipped until it is back; a lost one is
-    reopened twice a second, and so is a network camera that was silent for a second.
+    uses this computer's clock, else on arrival. Frames are numbered by these times; a missing number is a lost frame. A
+    camera that freezes, disconnects, turns black or repeats its image is named in the image sets' notes and skipped
+    until it recovers. A disconnected camera is reopened twice a second, and so is a network camera that has been silent
+    for a second.
 
     Args:
         devices: Device number or address of each camera.
@@ -42,7 +43,7 @@ class CameraSource(ClosableSource):
         warnings: Controls that a camera refused.
 
     Raises:
-        CaptureError: A camera does not open or gives no image; during iteration, no camera gave any for 10 s.
+        CaptureError: A camera does not open or gives no image; during iteration, no camera has given any for 10 s.
     """
 
     def __init__(
@@ -69,7 +70,7 @@ class CameraSource(ClosableSource):
             self.close()
             raise
         self.warnings: tuple[str, ...] = tuple(
-            f"camera {name} does not accept {' and '.join(reader.refused)}: set it in its maker's program"
+            f"camera {name} does not accept {' and '.join(reader.refused)}: use the manufacturer's program instead"
             for name, reader in zip(self._names, self._readers, strict=True)
             if reader.refused
         )
@@ -102,7 +103,7 @@ class CameraSource(ClosableSource):
         """Yield the images of the next `count` complete image sets.
 
         Raises:
-            CaptureError: A camera gave no usable image for 5 s.
+            CaptureError: A camera has given no usable image for 5 s.
         """
         last_s = 0.0
         for image_set in self:
@@ -123,7 +124,7 @@ class CameraSource(ClosableSource):
 
 
 class _Reader:
-    """Reads one camera in a thread, from `begin` to `stop`; reopens a lost one."""
+    """Reader of one camera in a thread, from `begin` to `stop`; a camera that is lost is reopened."""
 
     def __init__(self, opened: Callable[[], Any], news: threading.Event, controls: CameraControls | None) -> None:
         self.gone = False
@@ -152,7 +153,7 @@ class _Reader:
             self._thread.start()
 
     def drain(self) -> Iterator[tuple[float, Image]]:
-        """Yield the times and images so far, oldest first."""
+        """Yield the times and images that have arrived, oldest first."""
         while self._images:
             yield self._images.popleft()
 
@@ -189,7 +190,7 @@ class _Reader:
         if not self._capture.grab():
             return False
         now_s = time.perf_counter()
-        stamp_s = float(self._capture.get(cv2.CAP_PROP_POS_MSEC)) / 1000.0  # some drivers use our clock
+        stamp_s = float(self._capture.get(cv2.CAP_PROP_POS_MSEC)) / 1000.0  # some drivers use this clock
         ok, image = self._capture.retrieve()
         if not ok:
             return False
@@ -207,10 +208,10 @@ def _open(device: int | str, size: tuple[int, int] | None, fps: float | None) ->
     """Return an open camera and its first image."""
     if isinstance(device, str):
         capture = open_address(device, SOURCES.stream_opens_ms, SOURCES.stream_stalls_ms)
-        advice = "check the address, also in a web browser or player, and that the camera is switched on"
+        advice = "check that the camera is switched on, and try the address in a web browser or video player"
     else:
         capture = cv2.VideoCapture(device)
-        advice = "check that it is plugged in, that no other program uses it and that this one may use cameras"
+        advice = "check that it is plugged in, that no other program uses it and that this program may use cameras"
         if exists(str(device)):
             advice = f"write ./{device} for the file or folder of this name"
     if not capture.isOpened():

@@ -12,7 +12,7 @@ class CameraHealth:
     """Health of a camera: frozen, gone, black, changed, torn, or repeating an image.
 
     Args:
-        is_compressed: Images arrive compressed, so rows of the last image do not reveal a torn one.
+        is_compressed: Images arrive compressed, so rows equal to the previous image's do not reveal a torn image.
     """
 
     def __init__(
@@ -61,7 +61,7 @@ class CameraHealth:
         """Return a description of the fault, or "" if there is none.
 
         Args:
-            uneven: Some cameras do not deliver too often. If a driver reports a wrong rate, all do.
+            uneven: Not all cameras deliver too often; if all do, the driver has reported a wrong rate.
         """
         if self.is_silent(now_s):
             return f"{self._title} is gone, check its cable" if gone else f"{self._title} froze"
@@ -81,8 +81,8 @@ class CameraHealth:
 class _TearWatch:
     """Watch for images whose lower part is from the previous image.
 
-    A sensor's noise makes rows differ from the last image's, so identical rows reveal such an image; but not if the
-    edge stays at one height, because the lower part is then always one image late.
+    A sensor's noise makes rows differ from the previous image's, so identical rows reveal such an image; but not if the
+    tear stays at one height, because the lower part is then always one image late.
     """
 
     def __init__(self) -> None:

@@ -1,7 +1,7 @@
 """Names of plugged-in cameras, without opening them.
 
-Linux lists the name of each device number. Windows and macOS list names in a different order from OpenCV's numbers, so
-there a camera is called by its number.
+Linux lists the name of each device number. Windows and macOS list names in an order that differs from OpenCV's numbers,
+so a camera is called by its number there.
 """
 
 import sys

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ...errors import CaptureError
+from ...errors import CaptureError, counted
 from ...geometry.arrays import Image
 from .image_files import list_images, pair_by_number, read_image
 from .image_set import ClosableSource, ImageSet
@@ -37,12 +37,12 @@ class ImageFileSource(ClosableSource):
         self.warnings: tuple[str, ...] = ()
         if leftover:
             names = ", ".join(path.name for path in leftover[:3]) + (" ..." if len(leftover) > 3 else "")
-            self.warnings = (f"{len(leftover)} picture(s) have no partner and were left out: {names}",)
+            self.warnings = (f"left out {counted(len(leftover), 'picture')} without a partner: {names}",)
         self.name = lists[0][0].parent.name
         self._times = _times_from_names([paths[0] for _, paths in self._pairs])
         if self._times is not None:
             steps = np.diff(self._times)
-            # without pauses, because programs sometimes write single frames late
+            # pauses are left out, because programs sometimes write single frames late
             fps = float(1.0 / np.mean(steps[steps <= 4.0 * np.median(steps)]))
         self.fps = fps
         self.frames = len(self._pairs)
@@ -82,7 +82,7 @@ def _times_from_names(paths: Sequence[Path]) -> list[float] | None:
 
 
 def is_image_pattern(text: str) -> bool:
-    """Return whether a path is a folder, or names image files."""
+    """Return whether a path is a folder with image files, or a pattern that matches some."""
     try:
         return bool(list_images(text))
     except CaptureError:

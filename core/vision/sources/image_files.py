@@ -1,4 +1,4 @@
-"""Image files: search, ordering by number, pairing between cameras, and reading."""
+"""Image files: search, ordering by number, pairing between cameras, reading and writing."""
 
 import glob
 import os
@@ -54,8 +54,8 @@ def pair_by_number(lists: Sequence[Sequence[Path]]) -> tuple[list[tuple[int, tup
 def by_number(lists: Sequence[Sequence[Path]]) -> list[dict[int, Path]]:
     """Return the files of each camera by the number in their names that the cameras share.
 
-    It is the number (first, last, ...) whose values most files share with another camera's. Without common numbers,
-    lists of equal length are numbered in order.
+    If names contain several numbers (first, second, ...), the one whose values most files share with another camera's
+    files is used. Without common numbers, lists of equal length are numbered in order.
 
     Raises:
         CaptureError: There are no common numbers, and the lists have different lengths.
@@ -92,7 +92,7 @@ def _table(paths: Sequence[Path], rows: Sequence[Sequence[int]], position: int) 
 
 
 def write_image(path: Path | str, image: Image) -> None:
-    """Write an image (BGR) in the format of the file name's ending."""
+    """Write an image (BGR) to a file whose extension determines the format."""
     with atomic_path(path) as temporary:
         if not cv2.imwrite(str(temporary), image):
             raise CaptureError("cannot be written", where=str(path), advice="check the free disk space")

@@ -15,10 +15,11 @@ _TIFF_WIDTHS, _TIFF_HEIGHTS = (256, 322), (257, 323)  # tags for the size of the
 
 
 def check_image_size(size: tuple[int, int], file_bytes: int, where: str) -> None:
-    """Reject a picture (width, height) that declares far more bytes of pixels than its file has; 0 for a stream."""
+    """Reject a picture (width, height) with far more bytes of pixels than its file, which is 0 bytes for a stream."""
     width, height = size
     if is_over_budget(width * height * 3, file_bytes):
-        raise CaptureError(f"has {width} x {height} pixels", where=where, advice="give smaller pictures")
+        what = f"has {width} x {height} pixels, which is far too many"
+        raise CaptureError(what, where=where, advice="give smaller pictures")
 
 
 def image_size(data: bytes) -> tuple[int, int]:

@@ -6,7 +6,7 @@ from typing import Protocol
 
 import numpy as np
 
-from ...errors import CaptureError
+from ...errors import CaptureError, counted
 from ...geometry.arrays import Image
 
 
@@ -15,7 +15,7 @@ class ImageSet:
     """One image per camera."""
 
     number: int
-    times_s: tuple[float, ...]  # of each image
+    times_s: tuple[float, ...]  # time of each image
     images: tuple[Image, ...]  # (height, width, 3) uint8 BGR; an image that does not show this moment is black
     notes: tuple[str, ...] = ()
     usable: tuple[bool, ...] = ()  # which images show this moment; all by default
@@ -23,19 +23,22 @@ class ImageSet:
     def __post_init__(self) -> None:
         if len(self.times_s) != len(self.images) or not self.images:
             raise CaptureError(
-                f"has {len(self.images)} images, but {len(self.times_s)} time stamps", where=f"frame {self.number}"
+                f"has {counted(len(self.images), 'image')}, but {counted(len(self.times_s), 'time stamp')}",
+                where=f"frame {self.number}",
+                advice="give one time stamp per image",
             )
         for image in self.images:
             if image.dtype != np.uint8 or image.ndim != 3 or image.shape[2] != 3:
                 raise CaptureError(
                     f"an image has {image.dtype} values of shape {image.shape}, not 8-bit colour",
                     where=f"frame {self.number}",
+                    advice="convert it to BGR, uint8",
                 )
         object.__setattr__(self, "usable", self.usable or (True,) * len(self.images))
 
     @property
     def mean_time_s(self) -> float | None:
-        """Mean time of the images; None if there are none."""
+        """Mean time of the images; None if no image has one."""
         times_s = [time_s for time_s in self.times_s if np.isfinite(time_s)]
         return float(np.mean(times_s)) if times_s else None
 
@@ -53,7 +56,7 @@ class ImageSource(Protocol):
 
 
 class SampledSource(ImageSource, Protocol):
-    """A source that can give samples in advance: files, and cameras (new images)."""
+    """Source that can give samples before the iteration: files, or cameras, which take new images for them."""
 
     def samples(self, count: int) -> Iterator[tuple[Image, ...]]:
         """Yield the images of up to `count` moments."""

@@ -13,9 +13,9 @@ from .source_settings import SOURCES
 
 
 class ImagePairing:
-    """Groups images by their times; a silent camera is skipped.
+    """Grouping of images by their times; a silent camera is skipped.
 
-    Instead of a missing, repeated or black image, the set contains a black one that is not usable.
+    In place of a missing, repeated or black image, the set contains a black one that is marked unusable.
 
     Args:
         now_s: Current time of the clock that stamps the images.

@@ -29,7 +29,7 @@ def open_image_source(
         raise CaptureError(
             "the cameras' sources are of different kinds: "
             + ", ".join(f"{camera_name(text)} ({kind})" for text, kind in zip(texts, kinds, strict=True)),
-            advice="give two videos, two folders or patterns of images, or two device numbers or addresses",
+            advice="give only videos, only folders or patterns of images, or only device numbers or addresses",
         )
     if kinds[0] == "cameras":
         return CameraSource([text if is_stream(text) else int(text) for text in texts], size, fps)
@@ -45,7 +45,7 @@ def open_videos(paths: Sequence[str], fps: float | None = None) -> SampledSource
         return VideoSource(paths, fps or 30.0)
     if len(streams) < len(paths):
         raise CaptureError(
-            "is a camera but the other source is a video", where=streams[0], advice="give two of one kind"
+            "is a camera, but another source is a video", where=streams[0], advice="give sources of one kind"
         )
     return CameraSource(streams, None, fps)
 
@@ -59,7 +59,7 @@ def _kind(text: str) -> str:
         return "images"
     if is_file(text):
         return "videos"
-    what = "holds no image files" if is_folder(text) else "not found"
+    what = "contains no image files" if is_folder(text) else "not found"
     raise CaptureError(
         what, where=text, advice="give a video, a folder, a pattern like take/*_1.jpg, a device number or an address"
     )

@@ -1,4 +1,4 @@
-"""Descriptions of cameras and files as image sources; importing them is cheap."""
+"""Descriptions of cameras and files as image sources, in a module that is cheap to import."""
 
 from dataclasses import dataclass
 from typing import Annotated
@@ -7,7 +7,7 @@ from ...system.files import exists
 from ...system.schema import About, check_ranges
 from .addresses import is_stream
 
-_RATE = About("frame rate; by default as the source tells it", "frames per second", 0.1, 1000.0)
+_RATE = About("frame rate; by default the source's own", "frames per second", 0.1, 1000.0)
 
 
 @dataclass(frozen=True)
@@ -17,8 +17,8 @@ class CameraControls:
     exposure_s: Annotated[
         float | None, About("exposure time; a few milliseconds make markers sharp", "s", most=1.0, above=0.0)
     ] = None
-    gain: Annotated[float | None, About("gain, in the camera's own numbers")] = None
-    focus: Annotated[float | None, About("focus, in the camera's own numbers")] = None
+    gain: Annotated[float | None, About("gain, in the camera's own units")] = None
+    focus: Annotated[float | None, About("focus, in the camera's own units")] = None
 
     def __post_init__(self) -> None:
         check_ranges(self)
@@ -43,7 +43,7 @@ class _Files:
 
     @property
     def is_live(self) -> bool:
-        """Whether the source cannot wait."""
+        """Whether the source cannot be paused."""
         return any(map(is_stream, self.paths))
 
     @property
@@ -54,7 +54,7 @@ class _Files:
 
 @dataclass(frozen=True)
 class VideoFiles(_Files):
-    """Films, or addresses of network cameras."""
+    """Video files, or addresses of videos or network cameras."""
 
     kind: Annotated[str, About("kind of source", choices=("videos",), optional=False)] = "videos"
     fps: Annotated[float | None, _RATE] = None

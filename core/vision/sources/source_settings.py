@@ -1,4 +1,4 @@
-"""Settings of live cameras and films."""
+"""Settings of live cameras and videos."""
 
 from dataclasses import dataclass
 
@@ -16,23 +16,23 @@ class SourceSettings:
     reopen_s: float = 0.5  # pause between attempts to reopen it
     all_lost_s: float = 10.0  # time without any image after which the source gives up
     never_usable_s: float = 5.0  # time without a usable image from one camera after which sampling gives up
-    join_s: float = 0.5  # longest wait for a camera at the end
+    join_s: float = 0.5  # longest wait for a camera's thread to end
     same_clock_s: float = 1.0  # largest age of a time stamp that is on this computer's clock
     stream_opens_ms: int = 5000  # longest wait for a network camera
     stream_stalls_ms: int = 1000  # longest wait for its next image before it is reconnected
-    exposure_step: float = 1.5  # largest ratio to an accepted exposure; drivers use steps of 2
-    control_step: float = 1.0  # largest difference from an accepted gain or focus, in the camera's own units
+    exposure_step: float = 1.5  # largest ratio of the requested and the actual exposure; drivers use steps of 2
+    control_step: float = 1.0  # largest difference between a requested and an actual gain or focus, the camera's units
     # image sets
     together: float = 0.75  # largest distance in time within an image set, periods
-    late: float = 0.25  # time after an incomplete set in which the missing image is dropped, periods
+    late: float = 0.25  # time after the start of the last set in which an image is too late for the next one, periods
     patience: float = 2.0  # longest wait for the other cameras' images, periods
-    # films
-    other_rate: float = 1.2  # ratio of two films' rates above which the slower one determines the moments
-    same_rate: float = 1.001  # largest ratio between rates of films that should have the same number of images
-    end_frames: int = 2  # largest difference between the ends of films, frames
+    # videos
+    other_rate: float = 1.2  # ratio of two videos' rates above which the slower one determines the moments
+    same_rate: float = 1.001  # largest ratio of the rates of videos that should have the same number of images
+    end_frames: int = 2  # largest difference between the ends of videos, frames
     stamp_jitter: float = 0.25  # largest deviation of a video's time stamps from a steady rate, frames
     least_step: float = 0.05  # step between two images whose stamps do not ascend, frames
-    # faults, reported within a quarter of a second on the panel
+    # faults; the panel shows them within a quarter of a second
     silent_s: float = 0.12  # time without an image that counts as a fault
     silent_periods: float = 2.5  # the same in periods; the longer counts
     stale_s: float = 0.1  # duration after which other faults are reported
@@ -42,8 +42,8 @@ class SourceSettings:
     compared_rows: int = 16  # interval between the rows of pixels that are compared
     fresh_images: int = 60  # successive images without equal rows that prove a sensor's noise
     torn_rows: int = 4  # neighbouring rows equal to the previous image's that make an image torn
-    tears: int = 2  # number of torn images that is reported
-    tears_s: float = 0.5  # time within which they must occur
+    tears: int = 2  # number of torn images that triggers a report
+    tears_s: float = 0.5  # time within which these images must occur
 
 
 SOURCES = SourceSettings()

@@ -10,7 +10,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from ...errors import CaptureError
+from ...errors import CaptureError, counted
 from ...geometry.arrays import Image
 from ...system.file_content import content_kind
 from ...system.files import is_file, open_foreign, reading
@@ -26,7 +26,7 @@ _CONTAINER = re.compile(
     rb"|\x30\x26\xb2\x75\x8e\x66\xcf\x11|FLV\x01|OggS|\x06\x0e\x2b\x34",
     re.DOTALL,
 )  # AVI, Matroska and WebM, MP4 and MOV, MPEG, WMV, Flash, Ogg, MXF
-_TRANSPORT = ((0, 188), (4, 192))  # first mark of a packet and its length in bytes, in MPEG-TS and camcorders' variant
+_TRANSPORT = ((0, 188), (4, 192))  # offset of a packet's sync byte and packet length, in MPEG-TS and camcorders' M2TS
 
 
 _CODECS = {"av01": "AV1", "hvc1": "H.265", "hev1": "H.265", "hevc": "H.265", "vp09": "VP9", "vp90": "VP9"}
@@ -37,11 +37,11 @@ class VideoSource(ClosableSource):
 
     Images have the time stamps of their videos, so that variable rates and lost frames are preserved; times within a
     quarter of a frame of a steady rate are rounded to it. An image set contains the images of one moment. An
-    image that one video lacks, or shows twice while another goes on, is not usable there. If videos have different
+    image that one video lacks, or shows twice while another goes on, is marked unusable. If videos have different
     rates, the slowest determines the moments.
 
     Args:
-        paths: Video files or addresses of films, one per camera.
+        paths: Video files or addresses of videos, one per camera.
         fps: Rate to use if a file does not state it.
 
     Attributes:
@@ -67,7 +67,7 @@ class VideoSource(ClosableSource):
         self.frames, self.fps = min(self._counts), self._rates[slowest]
         self._lead = slowest
         rates = ", ".join(f"{Path(p).name} {rate:g}" for p, rate in zip(self._paths, self._rates, strict=True))
-        told = f"the videos have different numbers of images per second ({rates}): they are paired by their times"
+        told = f"the videos have different frame rates ({rates}): their images are paired by time"
         self._notes = (told,) * self._has_rates
         self.warnings = self._notes
 
@@ -132,9 +132,9 @@ class VideoSource(ClosableSource):
         # the last frames of one video may be missing
         if ended and not all(reader.ends_within(SOURCES.end_frames / self.fps) for reader in readers):
             raise CaptureError(
-                f"ends after {before + 1} frames, before the other video",
+                f"ends after {counted(before + 1, 'frame')}, before another video",
                 where=ended[0],
-                advice="cut both to the same length",
+                advice="cut the videos to the same length",
             )
         if ended:
             lead.image = None
@@ -149,9 +149,9 @@ class VideoSource(ClosableSource):
         found = list(self._notes)
         for path, reader in zip(self._paths, readers, strict=True):
             if reader.doubled:
-                found.append(f"{Path(path).name} shows {reader.doubled} frame(s) twice; the second were left out")
+                found.append(f"{Path(path).name} shows {counted(reader.doubled, 'frame')} twice: repeats were left out")
             if reader.lost:
-                found.append(f"{Path(path).name} lacks {reader.lost} frame(s) that another video has")
+                found.append(f"{Path(path).name} lacks {counted(reader.lost, 'frame')} that another video has")
         return tuple(found)
 
     def samples(self, count: int) -> Iterator[tuple[Image, ...]]:
@@ -176,7 +176,7 @@ class VideoSource(ClosableSource):
 
 
 class _Reader:
-    """Reads one video; frames have their own time stamps, relative to the first frame."""
+    """Reader of one video, whose frames have time stamps relative to the first one."""
 
     def __init__(self, capture: Any, fps: float) -> None:
         self.number = -1
@@ -209,7 +209,7 @@ class _Reader:
         self._stamp_s = stamp_s
         self.number = next_number(self.number, passed_s, 1.0 / self.fps)
         since_s, steady_s = stamp_s - self._first_s, self.number / self.fps
-        if passed_s <= 0.0:  # there is no time stamp at all
+        if passed_s <= 0.0:  # the video has no time stamps
             self.time_s += 1.0 / self.fps
             return
         self._is_steady &= abs(since_s - steady_s) <= SOURCES.stamp_jitter / self.fps
@@ -248,7 +248,7 @@ def _open(path: str) -> Any:
 
 
 def _check_container(path: str) -> None:
-    """Reject a file that does not begin like a video: a playlist would make OpenCV open other files and addresses."""
+    """Reject a file that does not start like a video: a playlist would make OpenCV open other files and addresses."""
     with open_foreign(path, CaptureError) as file, reading(path, CaptureError, what="cannot be read"):
         head = file.read(1024)
     is_transport = any(len(head) > 2 * step and set(head[at::step]) == {0x47} for at, step in _TRANSPORT)

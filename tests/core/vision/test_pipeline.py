@@ -89,7 +89,7 @@ def test_images_of_wrong_number_or_size_are_refused(rig, draw):
     picture = draw(np.empty((0, 2)), 1)
     with pytest.raises(CaptureError, match="1 image"):
         pipeline.process(ImageSet(0, (0.0,), (picture,)))
-    with pytest.raises(CaptureError, match=r"are 480x640, .* as if turned by a quarter; turn the video back"):
+    with pytest.raises(CaptureError, match=r"are 480x640, .* as if turned by 90 degrees; turn the video back"):
         pipeline.process(ImageSet(0, (0.0, 0.0), (np.rot90(picture).copy(), picture)))
     with pytest.raises(CaptureError, match="320x240"):
         pipeline.process(ImageSet(0, (0.0, 0.0), (picture[::2, ::2].copy(), picture)))
@@ -122,7 +122,7 @@ def test_exchanged_cameras_are_reported_within_a_quarter_of_a_second(rig, draw):
             told = number / 30
             break
     assert told is not None and told <= 0.25
-    assert frame.notes == ("left and right camera seem to be exchanged",)
+    assert frame.notes == ("the left and the right camera seem to be exchanged",)
 
 
 def test_cameras_in_the_right_order_are_not_reported(rig, draw):

@@ -65,10 +65,10 @@ def test_points_that_are_not_a_floor_are_refused(room):
     with pytest.raises(CalibrationError, match="three points are needed"):
         rig_on_floor(rig, np.zeros((2, 3)))
     rough = board_on_the_floor(0.0) + np.random.default_rng(0).normal(scale=0.05, size=(35, 3))
-    with pytest.raises(CalibrationError, match="do not lie in one plane; lay board or markers flat"):
+    with pytest.raises(CalibrationError, match="do not determine a plane; lay the board or the markers flat"):
         rig_on_floor(rig, rough)
     line = np.linspace(0.0, 1.0, 10)[:, None] * np.array([1.0, 0.0, 0.5])
-    with pytest.raises(CalibrationError, match="do not lie in one plane"):
+    with pytest.raises(CalibrationError, match="do not determine a plane"):
         rig_on_floor(rig, line)
     with pytest.raises(CalibrationError, match="straight down"):
         rig_on_floor(rig, board_on_the_floor(0.0) + np.array([0.0, 0.0, 3.0]))
@@ -83,7 +83,7 @@ def test_board_is_found_in_space_by_one_and_two_cameras(room, cameras):
     views = [BoardView(np.arange(54), camera.project(true)) for camera in rig.cameras]
     views[-1] = views[-1].reverse() if cameras == 2 else views[-1]  # two may number a chessboard differently
     np.testing.assert_allclose(board_in_space(rig, views, board), true, atol=1e-4)
-    with pytest.raises(CalibrationError, match=f"for {cameras} camera.s., but the images are from {cameras + 1}"):
+    with pytest.raises(CalibrationError, match=f"for {cameras} cameras?, but the images are from {cameras + 1}"):
         board_in_space(rig, [*views, views[0]], board)
     with pytest.raises(CalibrationError, match="not all cameras see the whole board"):
         board_in_space(rig, [*views[:-1], BoardView(np.arange(53), views[-1].pixels[:53])], board)

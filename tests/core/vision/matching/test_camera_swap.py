@@ -52,7 +52,7 @@ def flip(rows: np.ndarray, axes: tuple[int, ...]) -> np.ndarray:
     ("changed", "note"),
     [
         (lambda blobs: blobs, ""),
-        (lambda blobs: blobs[::-1], "left and right camera seem to be exchanged"),
+        (lambda blobs: blobs[::-1], "the left and the right camera seem to be exchanged"),
         (lambda blobs: [flip(blobs[0], (0,)), blobs[1]], "the images of camera a seem to be mirrored"),
         (lambda blobs: [blobs[0], flip(blobs[1], (0,))], "the images of camera b seem to be mirrored"),
         (lambda blobs: [flip(rows, (0,)) for rows in blobs], "the images of both cameras seem to be mirrored"),

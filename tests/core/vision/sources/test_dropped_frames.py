@@ -114,8 +114,8 @@ def test_frame_lost_or_repeated_in_one_video_is_unusable_there_only(monkeypatch:
         shown = [int(image[0, 0, 0]) for image in image_set.images]
         assert shown == [image_set.number, image_set.number if whole else 0]
     assert source.warnings == (
-        "right.mkv shows 1 frame(s) twice; the second were left out",
-        "right.mkv lacks 2 frame(s) that another video has",
+        "right.mkv shows 1 frame twice: repeats were left out",
+        "right.mkv lacks 2 frames that another video has",
     )
 
 
@@ -124,7 +124,7 @@ def test_last_frame_may_be_lost(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(video_source, "_open", lambda path: PlayedVideo(whole[:19] if "left" in path else whole))
     assert [s.number for s in VideoSource([Path("left.mkv"), Path("right.mkv")])] == whole[:19]
     monkeypatch.setattr(video_source, "_open", lambda path: PlayedVideo(whole[:15] if "left" in path else whole))
-    with pytest.raises(CaptureError, match=r"left\.mkv: ends after 15 frames, before the other video"):
+    with pytest.raises(CaptureError, match=r"left\.mkv: ends after 15 frames, before another video"):
         list(VideoSource([Path("left.mkv"), Path("right.mkv")]))
 
 

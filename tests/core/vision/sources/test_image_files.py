@@ -86,7 +86,7 @@ def test_unreadable_picture_is_named(tmp_path):
 
 def test_image_sets_need_colour_images_with_a_time_each():
     picture = np.zeros((4, 6, 3), np.uint8)
-    with pytest.raises(CaptureError, match="2 images, but 1 time stamps"):
+    with pytest.raises(CaptureError, match="2 images, but 1 time stamp; give one"):
         ImageSet(0, (0.0,), (picture, picture))
     with pytest.raises(CaptureError, match="8-bit colour"):
         ImageSet(0, (0.0,), (picture[..., 0],))

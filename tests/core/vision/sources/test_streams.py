@@ -89,7 +89,7 @@ def test_short_stall_keeps_the_connection(servers: list[MjpegServer], monkeypatc
 def test_stream_without_answer_fails_quickly(servers: list[MjpegServer], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(camera_source, "SOURCES", replace(SOURCES, stream_opens_ms=200))
     servers[0].begin("stream")
-    with pytest.raises(CaptureError, match=r"camera http://127.*does not open.*check the address"):
+    with pytest.raises(CaptureError, match=r"camera http://127.*does not open.*try the address"):
         open_image_source(servers[0].address)
 
 
@@ -116,7 +116,7 @@ def test_address_of_a_film_is_not_a_camera(servers: list[MjpegServer]) -> None:
         "left.mjpg": False,
     }
     assert {text: is_stream(text) for text in kinds} == kinds
-    with pytest.raises(CaptureError, match="is a camera but the other source is a video"):
+    with pytest.raises(CaptureError, match="is a camera, but another source is a video"):
         open_source({"kind": "videos", "paths": [servers[0].address, "left.mp4"]})
 
 
