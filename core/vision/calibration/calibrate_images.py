@@ -45,7 +45,7 @@ def calibrate_images(
         if len(camera.views) < MINIMUM_VIEWS:
             _check_size(shown, board)
             raise CalibrationError(
-                f"the board was found in only {len(camera.views)} of {counted(len(files[camera.name]), 'picture')}",
+                f"the board was found in {len(camera.views)} of {counted(len(files[camera.name]), 'picture')}",
                 where=f"camera {camera.name}",
                 advice="check the size of the board, and that all of it is in the pictures, sharp and lit",
             )
