@@ -278,7 +278,8 @@ def _read_header(path: Path, stream: BinaryIO) -> bytes:
         what = f"has version {version}, but only versions {_VERSIONS[0]} to {_VERSIONS[-1]} can be read"
         raise DatabaseError(what, where=str(path), advice=REBUILD)
     if size != file_bytes:
-        raise DatabaseError(f"is cut off: {size} of {file_bytes} bytes", where=str(path), advice=REBUILD)
+        what = f"is cut off: {size} of {file_bytes} bytes" if size < file_bytes else "is longer than its header says"
+        raise DatabaseError(what, where=str(path), advice=REBUILD)
     header = stream.read(min(header_bytes, size))
     if hashlib.sha256(header).digest() != digest:
         raise DatabaseError("is damaged", where=str(path), advice=REBUILD)

@@ -53,9 +53,10 @@ class CameraSource(ClosableSource):
         fps: float | None = None,
         controls: Sequence[CameraControls] = (),
     ) -> None:
-        if len(set(devices)) != len(devices):
+        twice = next((device for at, device in enumerate(devices) if device in devices[:at]), None)
+        if twice is not None:
             raise CaptureError(
-                f"camera {camera_name(devices[0])} is chosen more than once",
+                f"camera {camera_name(twice)} is chosen more than once",
                 advice="choose a different device for each camera",
             )
         self.name = "capture"

@@ -156,8 +156,8 @@ def test_camera_that_does_not_open_is_an_error(tmp_path, monkeypatch, capfd):
     monkeypatch.chdir(tmp_path)
     with pytest.raises(CaptureError, match=r"camera 97 does not open.*write \./97 for the file or folder"):
         CameraSource([97, 98])
-    with pytest.raises(CaptureError, match="more than once"):
-        CameraSource([0, 0])
+    with pytest.raises(CaptureError, match="camera 1 is chosen more than once"):
+        CameraSource([0, 1, 1])
 
 
 def test_kind_of_source_is_recognised_by_its_text(tmp_path):
