@@ -18,7 +18,7 @@ class HumanSize:
 
     shortest_m: float = 0.72  # a small child; a body in inches that is taken for centimetres is smaller
     tallest_m: float = 2.4
-    largest_m: float = 4.0  # limit of rough estimates: markers of the trunk worn elsewhere make it up to twice as large
+    largest_m: float = 4.0  # largest rough estimate: misplaced torso markers can double it
 
 
 HUMAN = HumanSize()

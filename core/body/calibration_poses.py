@@ -21,7 +21,7 @@ def t_pose(skeleton: Skeleton) -> Array:
     result = rot.identity((len(skeleton),))
     for side in "lr":
         femur = skeleton.index(f"{side}femur")
-        # in CMU's rest pose the foot leans with the splayed leg; turning the leg upright makes it flat
+        # in CMU's rest pose the foot leans with the splayed leg; turning the leg upright makes the foot flat
         result[femur] = _upright(skeleton.tips_m[femur])
     return result
 
@@ -38,7 +38,7 @@ def standing(skeleton: Skeleton) -> Array:
 def hanging(skeleton: Skeleton) -> Array:
     """Return local rotations (J, 4) of a person in an I pose, arms close to the body.
 
-    The backs of the hands face half forward, so that cameras in front see the markers on them.
+    The backs of the hands are turned halfway forward, so that cameras in front see the markers on them.
     """
     result = standing(skeleton)
     for side, outward in (("l", 1.0), ("r", -1.0)):
@@ -76,12 +76,12 @@ POSES: dict[str, Callable[[Skeleton], Array]] = {
     "hanging": hanging,
     "motorcycle": motorcycle,
 }
-CALIBRATION = ("t", "hanging", "motorcycle")  # together they give the joint positions of the limbs
+CALIBRATION = ("t", "hanging", "motorcycle")  # together these poses determine the joint centres of the limbs
 # instructions for the performer
 INSTRUCTIONS = {
     "t": "stand upright, arms straight out to the sides, palms down",
     "standing": "stand upright, arms hanging",
-    "hanging": "arms straight down, a hand's breadth from the body, backs of the hands half forward",
+    "hanging": "arms straight down, a hand's breadth from the body, backs of the hands turned halfway forward",
     "motorcycle": "knees bent, arms stretched straight forward, hands at the height of the chest, palms down",
 }
 

@@ -1,8 +1,8 @@
 """Clock of a take: the times of its frames and the steady rate of its outputs.
 
-Files round frame times, cameras jitter, and some frames are lost. The rate belongs to the outputs: it is the header's
-if the times agree with it, else another steady rate that explains all times, else the nearest usual rate.
-Poses and markers are interpolated at the times of the output frames.
+Frame times are rounded in files, cameras jitter, and some frames are lost. So the rate is a property of the outputs:
+the header's rate if the times agree with it, otherwise another steady rate that explains all times, otherwise the
+nearest usual rate. Poses and markers are interpolated at the times of the output frames.
 """
 
 from collections.abc import Callable
@@ -24,21 +24,21 @@ from .skeleton import Skeleton
 class ClockSettings:
     """Thresholds for finding the steady rate of frame times."""
 
-    # rates of cameras, films and motion capture systems, Hz
+    # usual rates of cameras, film and motion capture systems, Hz
     usual_hz: tuple[float, ...] = (
         10, 12, 15, 20, 24, 25, 30, 48, 50, 60, 72, 75, 90, 100, 120, 144, 150, 180, 200, 240, 250, 300, 360, 400, 480,
         500, 600, 1000,
     )  # fmt: skip
-    roundings_s: tuple[float, ...] = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6)  # smallest decimal step of times in files
+    roundings_s: tuple[float, ...] = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6)  # units to which files may round times
     same: float = 0.02  # largest deviation from a steady rate that still counts as steady, frames
-    widest: float = 0.45  # largest rounding error of times without frame numbers, frames
+    widest: float = 0.45  # largest accepted rounding error of times without frame numbers, frames
     near: float = 0.01  # largest relative difference from a usual rate that is attributed to the camera's clock
-    lost: float = 3.0  # step, in median steps, that is a gap and says nothing about the rate
-    plausible_hz: tuple[float, float] = (5.0, 5000.0)  # least and largest rate of markers: reveals the unit of times
-    uneven: float = 0.5  # deviation of a step from one frame interval that is reported, frames
+    lost: float = 3.0  # longer steps, in median steps, are gaps, which do not count when the rate is measured
+    plausible_hz: tuple[float, float] = (5.0, 5000.0)  # lowest and highest rate of markers; reveals the unit of times
+    uneven: float = 0.5  # smallest deviation of a step from one frame interval that is reported, frames
     near_s: float = 0.1  # longest step across which markers and props are interpolated
     short_s: float = 0.25  # longest step of poses that is interpolated with a cubic
-    longest_s: float = 1.0  # longest transition between poses; in a longer step the first pose is held before it
+    longest_s: float = 1.0  # longest transition between two poses; a longer step holds the first pose until then
 
 
 CLOCK = ClockSettings()
@@ -48,9 +48,9 @@ _SECONDS_PER_TICK = (1.0, 1e-3, 1e-6, 1e-9)  # possible units of times in files,
 class ClockFault(Enum):
     """Kinds of faults in the times of frames."""
 
-    UNEVEN = "frames do not come evenly"
+    UNEVEN = "frames are unevenly spaced"
     LOST = "frames are missing"
-    HEADER = "header and times contradict each other"
+    HEADER = "the header contradicts the times"
     ORDER = "times do not ascend"
 
 
@@ -131,7 +131,7 @@ class Clock:
         return [note.text for note in self.notes]
 
     def motion(self, name: str, skeleton: Skeleton, rotations: Array, root_positions_m: Array) -> Motion:
-        """Return poses (F, J, 4) and (F, 3) as a motion at the steady rate."""
+        """Return rotations (F, J, 4) and root positions (F, 3) as a motion at the steady rate."""
         return Motion(name, self.fps, skeleton, *self.poses(rotations, root_positions_m))
 
     def poses(self, rotations: Array, positions_m: Array) -> tuple[Array, Array]:
@@ -144,7 +144,7 @@ class Clock:
     def seen(self, values: Array, visible: Mask, *, is_rotation: bool = False) -> Array:
         """Return values (F, n) of visible frames at the steady times.
 
-        They are NaN where frames were lost at a steady rate, between frames far apart, and next to hidden values.
+        The result is NaN where frames were lost at a steady rate, between frames far apart, and next to hidden values.
         """
         if self.is_whole:
             return np.where(visible[:, None], values, np.nan)
@@ -167,7 +167,7 @@ class Clock:
         return replace(self, rows=self.rows[kept] - start, times_s=self.times_s[kept], frames=stop - start)
 
     def filtered(self, values: Array, change: Callable[[Array], Array], *, is_rotation: bool = False) -> Array:
-        """Return values (F, ..., n) filtered at the steady rate, at their own times; a single frame is unchanged."""
+        """Return values (F, ..., n) at their own times, filtered at the steady rate; a single frame is unchanged."""
         if len(self.rows) < 2:
             return values
         if self.is_whole:
@@ -186,7 +186,7 @@ def clock_of(times_s: Array, stated_fps: float | None = None, numbers: IntArray 
         numbers: Frame numbers (F,), which can replace rounded times.
 
     Raises:
-        TakeError: There are no two frames with different times, and no rate is stated.
+        TakeError: No frame has a time, or no two frames have different times and no rate is stated.
     """
     stated_fps = stated_fps if stated_fps is not None and stated_fps > 0.0 else None
     if stated_fps is not None and numbers is not None and _count_time(times_s, numbers, stated_fps):
@@ -195,7 +195,7 @@ def clock_of(times_s: Array, stated_fps: float | None = None, numbers: IntArray 
     rows = _ascending(times_s)
     if len(rows) < 2:
         if stated_fps is None or not len(rows):
-            raise TakeError("has too few frames to have a rate")
+            raise TakeError("has too few frames to determine its frame rate", advice="record a longer take")
         return Clock(rows, times_s[rows], stated_fps, True, stated_fps, len(times_s))
     known_s = times_s[rows]
     for fps in _candidates(known_s, stated_fps):
@@ -208,7 +208,7 @@ def clock_of(times_s: Array, stated_fps: float | None = None, numbers: IntArray 
 
 
 def _ascending(times_s: Array) -> IntArray:
-    """Return the frames with finite, strictly ascending times; stamps that leap ahead or back are left out."""
+    """Return the frames with finite, strictly ascending times; stamps that jump ahead or back are left out."""
     finite = np.flatnonzero(np.isfinite(times_s))
     known_s = times_s[finite]
     latest_s = np.maximum.accumulate(np.concatenate(([-np.inf], known_s)))[:-1]
@@ -220,7 +220,8 @@ def seconds_of(times: Array, stated_fps: float | None = None) -> Array:
     """Return times (F,) in seconds, converted from an unknown unit between seconds and nanoseconds.
 
     Args:
-        stated_fps: Rate stated in a header, which reveals the unit; without it, the unit is the one that gives 5 to
+        stated_fps: Rate stated in a header, which reveals the unit; without it, the unit is the one that gives a rate
+            of 5 to 5,000 Hz.
     """
     steps = np.diff(times[np.isfinite(times)])
     steps = steps[steps > 0.0]
@@ -234,15 +235,15 @@ def seconds_of(times: Array, stated_fps: float | None = None) -> Array:
 
 
 def poses_at(times_s: Array, rotations: Array, positions_m: Array, wanted_s: Array) -> tuple[Array, Array]:
-    """Return poses interpolated at times within those of the given poses.
+    """Return the poses at other times, interpolated between the given poses.
 
-    Short steps are interpolated with a cubic, longer ones along the shortest arc; in a very long step the first pose
-    is held until shortly before the end.
+    Short steps are interpolated with a cubic, longer ones along the shortest arc. In a very long step the first pose
+    is held until shortly before the second.
 
     Args:
         times_s: Ascending times (F,).
         rotations, positions_m: (F, ..., 4) and (F, ..., 3).
-        wanted_s: Times (N,).
+        wanted_s: Times (N,), none before the first given pose or after the last.
     """
     return _between(times_s, rotations, wanted_s, True), _between(times_s, positions_m, wanted_s, False)
 
@@ -287,7 +288,7 @@ def _rounding_s(times_s: Array) -> float:
 
 
 def _usual(fps: float) -> float:
-    """Return the usual rate nearest to a rate in ratio."""
+    """Return the usual rate nearest to a rate on a logarithmic scale."""
     return min((float(rate) for rate in CLOCK.usual_hz), key=lambda rate: abs(np.log(rate / fps)))
 
 
@@ -326,18 +327,18 @@ def _between(times_s: Array, values: Array, wanted_s: Array, is_rotation: bool) 
 
 def _order_notes(clock: Clock) -> list[ClockNote]:
     left = clock.frames - len(clock.rows)
-    text = f"the times of {left} of {clock.frames} frames do not ascend: these frames are left out of what is written"
+    text = f"times are missing or do not ascend: {left} of {clock.frames} frames are left out of the output"
     return [ClockNote(ClockFault.ORDER, text)] * (left > 0)
 
 
 def _header_notes(clock: Clock) -> list[ClockNote]:
     stated = clock.stated_fps
-    # when frames come unevenly, a header can only state the mean rate
+    # when frames are unevenly spaced, a header can only state the mean rate
     if stated is None or any(abs(stated / fps - 1.0) <= CLOCK.near for fps in (clock.fps, clock.mean_fps)):
         return []
     text = (
-        f"the header says {stated:g} frames per second, the times {clock.mean_fps:.4g} on average: the times count, "
-        f"and outputs have {clock.fps:.4g} per second"
+        f"the header says {stated:g} frames per second, but the times give {clock.mean_fps:.4g} on average: the times "
+        f"are used, and outputs have {clock.fps:.4g} per second"
     )
     return [ClockNote(ClockFault.HEADER, text)]
 
@@ -346,8 +347,8 @@ def _step_notes(clock: Clock) -> list[ClockNote]:
     least_s, most_s = clock.steps_s
     if not clock.is_steady and max(most_s * clock.fps - 1.0, 1.0 - least_s * clock.fps) > CLOCK.uneven:
         text = (
-            f"frames come unevenly, {1e3 * least_s:.0f} to {1e3 * most_s:.0f} ms apart, {clock.mean_fps:.1f} per "
-            f"second on average: outputs have {clock.fps:g} per second, laid out by the times"
+            f"frames are unevenly spaced, {1e3 * least_s:.0f} to {1e3 * most_s:.0f} ms apart, {clock.mean_fps:.1f} per "
+            f"second on average: outputs have {clock.fps:g} per second, interpolated by the frames' times"
         )
         return [ClockNote(ClockFault.UNEVEN, text), *_long_note(most_s)]
     if clock.lost:
@@ -361,7 +362,7 @@ def _step_notes(clock: Clock) -> list[ClockNote]:
 
 def _long_note(most_s: float) -> list[ClockNote]:
     text = (
-        f"up to {most_s:.1f} s between two frames show nothing: the pose is held there, and moves in the last "
+        f"no frames for up to {most_s:.1f} s: the pose is held there, and moves to the next one in the last "
         f"{CLOCK.longest_s:g} s"
     )
     return [ClockNote(ClockFault.LOST, text)] * (most_s > CLOCK.longest_s)

@@ -1,8 +1,9 @@
 """Foot lock: detects standing feet and holds them with inverse kinematics of the legs.
 
-It holds the ball of the foot (the toe joint), because the heel lifts long before a step ends. The ankle moves by the
-offset from the solved to the held ball; hip and knee turn within the plane of the leg to reach it, and the foot
-keeps its orientation in the world. After the release the offset fades out, so that nothing jumps.
+The lock holds the ball of the foot (the toe joint), because the heel lifts long before the foot leaves the floor. The
+ankle moves by the offset from the solved to the held ball; hip and knee rotate in the plane of the leg so that the
+ankle gets there, and the foot keeps its orientation in the world. After the release the offset fades out, so that
+nothing jumps.
 """
 
 from dataclasses import dataclass, field, replace
@@ -29,17 +30,18 @@ class FootLockSettings:
 
     sole_m: float = 0.02  # height of a standing foot's lowest joint above the floor
     speed_window_s: float = 0.06  # time over which speeds are measured: between two frames they are mostly noise
-    planted_m_s: float = 0.2  # below this speed a foot stands
-    lifted_m_s: float = 0.4  # above this speed a foot leaves the floor
-    planted_m: float = 0.05  # below this height a foot can stand
-    lifted_m: float = 0.09  # above this height a foot has left the floor
-    reach_m: float = 0.05  # largest offset of a held foot: beyond it the foot has really moved
+    planted_m_s: float = 0.2  # below this speed a low foot is planted
+    lifted_m_s: float = 0.4  # above this speed a planted foot is released
+    planted_m: float = 0.05  # below this height a foot can be planted
+    lifted_m: float = 0.09  # above this height a planted foot is released
+    reach_m: float = 0.05  # largest offset of a held foot; a larger one means that the foot really moved
     glide_reach_m: float = 0.30  # largest offset of a foot that is held although it glides
     lower_m: float = 0.02  # a foot must be this much lower than the held one to replace it
     fade_s: float = 0.12  # time constant of the release
-    straightest: float = 0.995  # longest reach, share of the leg's length; millimetres beyond turn the knee by degrees
+    # longest reach, fraction of the leg's length; beyond it, millimetres turn the knee by degrees
+    straightest: float = 0.995
     pause_s: float = 0.25  # time without a pose after which the lock restarts
-    floor_memory_s: float = 2.0  # time over which the lowest ball is used to estimate an unknown floor
+    floor_memory_s: float = 2.0  # time in which the lowest ball of a foot shows the height of an unknown floor
     floor_percentile: float = 5.0  # percentile of the lower foot's heights taken as the floor of a motion
 
 
@@ -52,9 +54,9 @@ def floor_of(rig: CameraRig | None) -> float | None:
 
 
 def hold_feet(motion: Motion, mode: str, floor_m: float | None) -> Motion:
-    """Return a motion with its feet held; arguments and errors are those of `FootLock`.
+    """Return a motion with its feet held in place; arguments and errors are those of `FootLock`.
 
-    An unknown floor is estimated from the lower foot.
+    The height of an unknown floor is estimated from the lower foot of each frame.
     """
     if mode == "off":
         return motion
@@ -109,8 +111,8 @@ class FootLock:
     Args:
         mode: "off"; "auto": a low, slow foot is held until it lifts or moves away; "always": the lower foot is held
             even if it glides, for performers who never run or jump.
-        floor_m: Height of the floor in the world of the poses; None to estimate it from the lowest ball in recent
-            seconds.
+        floor_m: Height of the floor in the world of the poses; None to estimate it from the lowest ball of a foot in
+            the last seconds.
 
     Raises:
         SettingsError: The mode is unknown.
@@ -118,7 +120,7 @@ class FootLock:
 
     def __init__(self, skeleton: Skeleton, mode: str, floor_m: float | None = 0.0) -> None:
         if mode not in FEET:
-            raise SettingsError(f"there is no mode {mode!r} for the feet", advice="modes: " + ", ".join(FEET))
+            raise SettingsError(f"{mode!r} is not a mode of the foot lock", advice="choose one of " + ", ".join(FEET))
         self.mode = mode
         self._skeleton = skeleton
         self._floor_m = floor_m
@@ -130,7 +132,7 @@ class FootLock:
         self._time_s = -np.inf
 
     def step(self, time_s: float, rotations: Array, root_position_m: Array) -> Array:
-        """Return the next pose's rotations (J, 4) with held feet; `time_s` must ascend."""
+        """Return the next pose's rotations (J, 4) with held feet; `time_s` must increase from call to call."""
         if self.mode == "off":
             return rotations
         passed_s = time_s - self._time_s
@@ -193,7 +195,7 @@ class FootLock:
         foot.offset_m = foot.offset_m * np.exp(-passed_s / _SETTINGS.fade_s)
 
     def _reach(self, foot: _Foot, rotations: Array, positions: Array, world: Array) -> None:
-        """Turn hip, knee and ankle in `rotations` so that the ankle moves by its offset."""
+        """Turn hip, knee and ankle in `rotations` so that the ankle moves by the foot's offset."""
         hip, knee, ankle = positions[foot.femur], positions[foot.tibia], positions[foot.foot]
         femur, tibia = reach_with_two_bones(
             (hip, knee, ankle),

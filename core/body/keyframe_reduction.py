@@ -1,9 +1,9 @@
 """Keyframe reduction of densely sampled curves within an error bound.
 
-Between two keys a curve is the cubic with the recorded values and slopes at both (Hermite), which animation programs
-draw as a Bezier curve with handles that reach a third of the way. Where it differs from the record by more than the
-bound, a key is set at the worst frame, and so on in both halves (Douglas and Peucker 1973, for polylines). Slopes come
-from the record, so a new key leaves the other segments unchanged.
+Between two keys, the curve is the cubic Hermite segment with the recorded values and slopes at the keys; animation
+programs draw it as a Bezier curve whose handles reach a third of the way. Where it differs from the recording by more
+than the bound, a key is inserted at the worst frame, and both halves are treated likewise (Douglas and Peucker 1973,
+for polylines). Slopes are those of the recording, so a new key leaves the other segments unchanged.
 """
 
 from collections.abc import Callable
@@ -16,12 +16,12 @@ from ..geometry.arrays import Array, IntArray
 
 
 def rotation_keys(frames: ArrayLike, quaternions: ArrayLike, bound_rad: float) -> IntArray:
-    """Return the frames (K,) to keep so that a rotation stays within an angle of the record.
+    """Return the frames (K,) to keep as keys so that a rotation stays within an angle of the recording.
 
     Args:
         frames: Times (F,), strictly increasing.
         quaternions: Rotations (F, 4) without sign changes (`rotations.continuous`).
-        bound_rad: Largest angle between record and curve, radians.
+        bound_rad: Largest angle between recording and curve, radians.
     """
 
     def strays(curve: Array, record: Array) -> Array:
@@ -32,7 +32,7 @@ def rotation_keys(frames: ArrayLike, quaternions: ArrayLike, bound_rad: float) -
 
 
 def location_keys(frames: ArrayLike, points: ArrayLike, bound: float) -> IntArray:
-    """Return the frames (K,) to keep so that points (F, 3) stay within a distance of the record."""
+    """Return the frames (K,) to keep as keys so that points (F, 3) stay within a distance of the recording."""
     return _keys(frames, points, lambda curve, record: np.linalg.norm(curve - record, axis=-1), bound)
 
 

@@ -1,7 +1,7 @@
 """Mirroring motion: left and right exchanged across the plane x = 0.
 
 In the rest pose all joint axes are the world's, so a rotation is mirrored by giving it to the other side's joint
-with the axis reflected: (w, x, y, z) becomes (w, x, -y, -z). Points and offsets change the sign of x.
+with the axis reflected: (w, x, y, z) becomes (w, x, -y, -z). In points and offsets, x changes its sign.
 """
 
 import re

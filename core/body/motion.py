@@ -46,13 +46,15 @@ class Motion:
                 f"a motion of {len(self.skeleton)} joints cannot have arrays of shapes {shapes}", where=self.name
             )
         if not LEAST_FPS <= self.fps <= MOST_FPS:
-            raise FormatError(f"frame rate {self.fps:g} is not {LEAST_FPS:g} to {MOST_FPS:g}", where=self.name)
+            raise FormatError(f"frame rate {self.fps:g} is not between {LEAST_FPS:g} and {MOST_FPS:g} Hz", where=self.name)
         squares = np.einsum("fji,fji->fj", self.rotations, self.rotations)
         if not (squares.min() > _LEAST_SQUARE and squares.max() < _MOST_SQUARE):  # false for NaN, too
             raise FormatError("a joint's rotation is not a unit quaternion", where=self.name)
         if not max(self.root_positions_m.max(), -self.root_positions_m.min()) < _FARTHEST_M:
             raise FormatError(
-                f"the root is not within {_FARTHEST_M:g} m", where=self.name, advice="check the unit of length"
+                f"the root is not within {_FARTHEST_M:g} m of the origin",
+                where=self.name,
+                advice="check the unit of length",
             )
 
     @property
@@ -74,7 +76,7 @@ def sliced(motion: Motion, start: int, stop: int) -> Motion:
 
 
 def every_nth(motion: Motion, step: int) -> Motion:
-    """Return the first frame and every `step`-th after it, at the rate that these have."""
+    """Return the first frame and every `step`-th after it, at the frame rate divided by `step`."""
     rotations, root_positions_m = motion.rotations[::step], motion.root_positions_m[::step]
     return replace(motion, fps=motion.fps / step, rotations=rotations, root_positions_m=root_positions_m)
 
@@ -103,7 +105,7 @@ def with_lead_in(motion: Motion, frames: int) -> Motion:
 
 
 def _between_frames(rotations: Array, before: IntArray, fraction: Array) -> Array:
-    # where the ratio of the rates is simple, many frames are copied and only those between them are computed
+    # if the rates have a simple ratio, many frames coincide with recorded ones, which are copied
     nearest = np.round(fraction)
     result = rotations[before + nearest.astype(np.int64)]
     apart = np.flatnonzero(fraction != nearest)

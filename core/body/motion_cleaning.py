@@ -1,11 +1,11 @@
 """Defects of recorded motion: detection, repair and removal.
 
 A capture system that confuses markers, or a solver that finds the wrong one of two solutions, makes a joint jump
-between two frames and usually back some frames later. In fast motion the neighbouring frames move as well; here not.
-A joint that is still, turns by e between two frames and is still again needs an acceleration of 4 e / dt^2. So the step
-of each joint is compared with the steps next to it. It is a jump if it differs from both by more than the accelerations
-that athletes reach, or is faster than athletes (`CleaningSettings`). At high rates these limits fall below the noise of
-solved recordings, so there are minimum steps as well.
+between two frames and usually back some frames later. In fast motion the joint also moves in the neighbouring frames;
+at a defect it does not. A joint that is still, turns by e between two frames and is still again needs an acceleration
+of 4 e / dt^2. So the step of each joint is compared with the steps next to it. It is a jump if it differs from both by
+more than the accelerations that athletes reach, or is faster than athletes (`CleaningSettings`). At high rates these
+limits fall below the noise of solved recordings, so there are minimum steps as well.
 
 Treatment of each defect:
 
@@ -26,13 +26,14 @@ from itertools import pairwise
 
 import numpy as np
 
+from ..errors import counted
 from ..geometry import rotations as rot
 from ..geometry.arrays import Array, Mask, runs
 from .motion import Motion, sliced
 from .skeleton import forward_kinematics
 from .standard_skeleton import JOINT_NAMES
 
-Apart = Callable[[int, int], float]  # distance of two frames
+Apart = Callable[[int, int], float]  # distance between two frames
 
 
 @dataclass(frozen=True)
@@ -53,10 +54,10 @@ class CleaningSettings:
     root_m_s2: float = 500.0  # largest acceleration of the root
     root_step_m: float = 0.05  # smallest jump of the root between two frames
     longest_pop_s: float = 0.25  # longest pop that is cut out or interpolated
-    settled: float = 0.25  # distance from the pose before a jump, share of the jump, at which a joint is back
-    t_step_deg: float = 25.0  # rotation of both arms between an added T pose and the first real frame
+    settled: float = 0.25  # a joint has returned when it is this near to its pose before a jump, fraction of the jump
+    t_step_deg: float = 25.0  # smallest rotation of both arms between an added T pose and the first real frame
     straight_deg: float = 20.0  # largest bend of a straight limb
-    raised_deg: float = 30.0  # angle of the upper arms from hanging in a T or A pose
+    raised_deg: float = 30.0  # smallest angle between the upper arms and straight down in a T or A pose
 
 
 _SETTINGS = CleaningSettings()
@@ -114,7 +115,7 @@ def clean_motion(motion: Motion, angle_jumps: Mask) -> CleanedMotion:
     turned[: start + 1] = False
     if np.any(turned):
         at = np.flatnonzero(turned)
-        kind = f"Euler angles flip {len(at)} times, the rotation does not"
+        kind = f"Euler angles flip {counted(len(at), 'time')}, but the rotation does not"
         defects.append(Defect(kind, int(at[0]) + 1, int(at[-1]) + 1, "kept"))
     motion = _ends_repaired(motion, jumps, start, defects)
     parts = _sound_parts(motion, jumps, moved, start, defects)
@@ -149,9 +150,10 @@ def _root_jumps(motion: Motion) -> Mask:
 
 
 def _jumps(steps: Array, limits: Array, fastest: Array) -> Mask:
-    """Return a mask (F, J) of steps (F - 1, J, ...) to a frame that are jumps or too fast.
+    """Return a mask (F, J) of the frames whose step from the previous frame is a jump or too fast.
 
     Args:
+        steps: Changes (F - 1, J, ...) from each frame to the next.
         limits: Smallest difference (J,) between a jump and the steps next to it.
         fastest: Longest possible steps (J,), not below the limits.
     """
@@ -204,7 +206,7 @@ def _pops(jumps: Mask, apart: Apart, start: int, longest: int) -> tuple[Mask, li
 
 
 def _with_short_pieces(popped: Mask, lone: Sequence[int], start: int, longest: int) -> Mask:
-    """Return the pops together with short parts between unpaired jumps, or between an unpaired jump and an end."""
+    """Return the pops, with short parts between unpaired jumps or between one and an end of the motion."""
     result = popped.copy()
     edges = [start, *lone, len(popped)]
     for first, stop in pairwise(edges):
@@ -221,7 +223,7 @@ def _turned(motion: Motion, joint: int) -> Apart:
 
 
 def _ends_repaired(motion: Motion, jumps: Mask, start: int, defects: list[Defect]) -> Motion:
-    """Return the motion with short flips of hands, fingers and toes bridged."""
+    """Return the motion with short flips of hands, fingers, thumbs and toes interpolated."""
     flipping = np.flatnonzero(_ENDS & np.any(jumps, axis=0))
     if len(flipping) == 0:
         return motion
@@ -232,7 +234,7 @@ def _ends_repaired(motion: Motion, jumps: Mask, start: int, defects: list[Defect
         popped, lone = _pops(jumps[:, joint], _turned(motion, joint), start, longest)
         popped = _with_short_pieces(popped, lone, start, longest)
         if np.all(popped[start:]):
-            defects.append(Defect(f"flip of {name} again and again", start + 1, motion.frames, "kept"))
+            defects.append(Defect(f"repeated flips of {name}", start + 1, motion.frames, "kept"))
             continue
         for first, stop in runs(popped):
             rotations[first:stop, joint] = _bridge(motion.rotations[:, joint], first, stop, start)
@@ -245,7 +247,7 @@ def _ends_repaired(motion: Motion, jumps: Mask, start: int, defects: list[Defect
 
 
 def _bridge(rotations: Array, first: int, stop: int, start: int) -> Array:
-    """Return the rotations (stop - first, 4) that bridge a run between its neighbours."""
+    """Return the rotations of frames from `first` up to but not including `stop`, interpolated between those around."""
     if first == start:
         return np.tile(rotations[stop], (stop - first, 1))
     if stop == len(rotations):
@@ -275,7 +277,7 @@ def _sound_parts(
         edges = [at for at in range(first, min(stop + 1, motion.frames)) if at_jump[at]]
         defects.append(Defect(_kind(limbs, moved, edges), first + 1, stop, "cut out"))
     cuts = [at for at in sorted(single) if not (out[at] or out[at - 1])]
-    defects += [Defect(_kind(limbs, moved, [at]), at + 1, at + 1, "cut, goes on as another clip") for at in cuts]
+    defects += [Defect(_kind(limbs, moved, [at]), at + 1, at + 1, "cut, the rest is another clip") for at in cuts]
     out[:start] = True
     bounds = sorted({bound for pair in runs(~out) for bound in pair} | set(cuts))
     return [(first, sliced(motion, first, stop)) for first, stop in pairwise(bounds) if not np.any(out[first:stop])]
@@ -289,7 +291,7 @@ def _kind(limbs: Mask, moved: Mask, edges: list[int]) -> str:
 
 
 def _starts_with_added_pose(motion: Motion) -> bool:
-    """Return whether the first frame is a T or A pose that both arms leave at once.
+    """Return whether the first frame is a T or A pose that both arms leave within one frame.
 
     At 60 frames per second or more, arms cannot turn by 25 degrees between two frames and be still before and after.
     At 30 they could, but no one leaves a T pose like that.

@@ -24,9 +24,9 @@ _MAIN_JOINTS = {
 
 @dataclass(frozen=True)
 class ContactSettings:
-    """Limits for toes that stand on the floor."""
+    """Limits for toes that are planted on the floor."""
 
-    speed_m_s: float = 0.15  # largest speed, above measurement noise
+    speed_m_s: float = 0.15  # largest speed, well above measurement noise
     height_m: float = 0.05  # largest height above the lowest point within a second
 
 
@@ -71,16 +71,16 @@ def evaluate(motion: Motion, truth: Motion, skeleton: Skeleton | None = None) ->
         - deg_per_joint: mean angle between the local rotations over all frames and joints except the root, degrees.
         - deg_per_angle: mean absolute difference of the joint angles, wrapped, degrees; of the two triples of angles
           for one rotation, the nearer one is compared.
-        - mpjpe_mm: mean joint distance after moving the roots together; mpjpe_absolute_mm: without moving them.
+        - mpjpe_mm: mean joint distance with the roots aligned; mpjpe_absolute_mm: without aligning them.
         - bone_direction_deg: mean angle between the bones' directions in the world; bone_direction_in_root_deg: the
-          same in the root's frame; main_bone_direction_deg: for torso, arms and legs only (NaN if none of
-          them is there).
+          same in the root's frame; main_bone_direction_deg: for torso, arms and legs only (NaN if the motions have
+          none of them).
         - twist_deg: mean error of the local rotation about the bone.
         - root_position_mm, root_rotation_deg: mean errors of the root.
-        - jitter_ratio: mean third difference of the joint positions, relative to the truth's (NaN if the truth is
-          still).
-        - foot_skate_cm_s: mean horizontal speed of the toes while the true toes stand on the floor (NaN if they
-          never do); foot_skate_truth_cm_s: the truth's own.
+        - jitter_ratio: mean third difference of the joint positions, relative to the truth's (NaN if the truth does
+          not move).
+        - foot_skate_cm_s: mean horizontal speed of the toes in frames in which the true toes are planted (NaN if they
+          never are); foot_skate_truth_cm_s: the truth's own.
         - frames, fps, joints, per_joint, worst_frames, notes.
 
     Raises:
@@ -127,9 +127,13 @@ def _aligned(motion: Motion, truth: Motion) -> _Pair:
         notes.append(f"{lasts} ({truth.duration_s:.2f} s); the first {frames} are compared")
     shared = [name for name in truth.skeleton.names if name in motion.skeleton.names]
     if len(shared) < 2 or shared[0] != truth.skeleton.names[0] or shared[0] != motion.skeleton.names[0]:
-        raise FormatError("the motion and the truth share fewer than two joints", where=f"{motion.name}, {truth.name}")
+        raise FormatError(
+            "the motion and the truth share fewer than two joints",
+            where=f"{motion.name}, {truth.name}",
+            advice="compare motions with the same joint names",
+        )
     if len(shared) < max(len(motion.skeleton), len(truth.skeleton)):
-        notes.append(f"compared are the {len(shared)} joints that both have")
+        notes.append(f"only the {len(shared)} joints that both have are compared")
     return _Pair(
         _with_joints(sliced(motion, 0, frames), shared), _with_joints(sliced(truth, 0, frames), shared), tuple(notes)
     )
@@ -165,7 +169,7 @@ def _angle_skeleton(chosen: Skeleton, compared: Skeleton) -> Skeleton:
         chosen = with_angle_frames(chosen)
     missing = [name for name in compared.names if name not in chosen.names]
     if missing:
-        raise FormatError("the skeleton that gives the joint angles lacks " + ", ".join(missing[:5]))
+        raise FormatError("the skeleton that defines the joint angles lacks " + ", ".join(missing[:5]))
     order = [chosen.index(name) for name in compared.names]
     orders = tuple(chosen.angle_orders[joint] for joint in order)
     return replace(compared, angle_axes=chosen.angle_axes[order], angle_orders=orders)
@@ -205,7 +209,7 @@ def _angles_between(a: Array, b: Array) -> Array:
 
 
 def angle_errors_deg(skeleton: Skeleton, mine: Array, theirs: Array) -> tuple[Array, IntArray]:
-    """Return angle differences (F, A) without the root's, degrees, and their joints (A,).
+    """Return angle differences (F, A) in degrees, without the root's, and the joints (A,) of the angles.
 
     Args:
         skeleton: Skeleton with the axes of the joint angles.
@@ -229,7 +233,7 @@ def angle_errors_deg(skeleton: Skeleton, mine: Array, theirs: Array) -> tuple[Ar
         columns.append(difference)
         joints += [joint] * a.shape[-1]
     if not columns:
-        raise FormatError("the skeleton that gives the joint angles has no degrees of freedom")
+        raise FormatError("the skeleton that defines the joint angles has no degrees of freedom")
     return np.degrees(np.concatenate(columns, axis=-1)), np.array(joints)
 
 
@@ -245,7 +249,7 @@ def _jitter_ratio(estimated: Array, true: Array) -> float:
 
 
 def _foot_skate(truth: Motion, estimated: Array, true: Array) -> tuple[float, float]:
-    """Return the mean toe speeds of both motions, cm/s, while the true toes stand."""
+    """Return the mean toe speeds of both motions, cm/s, in frames in which the true toes are planted."""
     feet = [truth.skeleton.names.index(name) for name in _FOOT_JOINTS if name in truth.skeleton.names]
     if not feet or len(true) < 2:
         return float("nan"), float("nan")

@@ -38,7 +38,7 @@ class PoseSmoother:
         self._last: tuple[float, Array, Array] | None = None
 
     def step(self, time_s: float, rotations: Array, root_position_m: Array) -> tuple[Array, Array]:
-        """Return the next pose's smoothed rotations (J, 4) and root (3,); times ascend."""
+        """Return the next pose's smoothed rotations (J, 4) and root (3,); times must ascend."""
         last = self._last
         if self.delay_s <= 0.0 or last is None or not 0.0 < time_s - last[0] < _SETTINGS.pause_s:
             self._last = time_s, rotations, root_position_m

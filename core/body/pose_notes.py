@@ -12,14 +12,14 @@ class NoteKind(Enum):
 
     SOURCE = auto()  # message from a camera, or from another source of marker frames
     HIDDEN = auto()  # markers or a prop are hidden
-    JUMPED = auto()  # markers moved as no body can, and are not used yet
-    EXCHANGED = auto()  # markers had each other's labels, which were put back
+    JUMPED = auto()  # markers moved faster than a body can, and are not used yet
+    EXCHANGED = auto()  # markers had each other's labels, which were corrected
     UNCERTAIN = auto()  # a part of the body has a large expected error
     UNFAMILIAR = auto()
     HELD = auto()
     WAITING = auto()
     REFUSED = auto()
-    # Why the solver started over, each on the first pose after it.
+    # Why the solver started over; noted on the first pose after that.
     TIMES_JUMPED = auto()
     TORSO_LOST = auto()
     MISFIT = auto()
@@ -35,7 +35,7 @@ class NoteKind(Enum):
     PRIOR_LED = auto()  # the learned prior had more weight than the examples
 
 
-# Decisions of the solver, which are no problems: kept with a take's poses, and listed on request.
+# Decisions of the solver are not problems: they are kept with a take's poses and listed on request.
 _DECISIONS = {
     NoteKind.TIMES_JUMPED: "started over: the times of the frames jumped",
     NoteKind.TORSO_LOST: "started over: the torso was hidden for too long",
@@ -58,7 +58,7 @@ _SENTENCES = _DECISIONS | {
 _JUMPED, _EXCHANGED = " jumped, left out", " exchanged, put back"
 _ENDINGS = {" hidden": NoteKind.HIDDEN, _JUMPED: NoteKind.JUMPED, _EXCHANGED: NoteKind.EXCHANGED}
 _ENDINGS |= {sentence: kind for kind, sentence in _SENTENCES.items()}
-# Problems that the solver did something about.
+# Problems that the solver reacted to.
 _ACTED_ON = {NoteKind.JUMPED, NoteKind.EXCHANGED, NoteKind.HELD, NoteKind.WAITING, NoteKind.REFUSED}
 
 
@@ -77,12 +77,12 @@ class PoseNote:
 
     @property
     def is_decision(self) -> bool:
-        """Whether it only tells what the solver decided."""
+        """Whether the note only says what the solver decided."""
         return self.kind in _DECISIONS
 
     @property
     def tells_why(self) -> bool:
-        """Whether it tells why the solver went on as it did."""
+        """Whether the note explains what the solver did."""
         return self.is_decision or self.kind in _ACTED_ON
 
     @classmethod
@@ -102,7 +102,7 @@ class PoseNote:
 
     @classmethod
     def exchanged(cls, names: Iterable[str]) -> "PoseNote":
-        """Return the note that the exchanged labels of the markers with these names were put back."""
+        """Return the note that the exchanged labels of the markers with these names were corrected."""
         return cls(NoteKind.EXCHANGED, ", ".join(names) + _EXCHANGED)
 
     @classmethod

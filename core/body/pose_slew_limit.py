@@ -1,9 +1,9 @@
 """Slew limit for poses: a joint may only jump if markers below it show that it does.
 
-A marker that returns, or another explanation of the same markers, moves a joint faster than a body can. Such a joint
-moves to its new rotation at a limited rate. It may be faster in a movement that has accelerated over several frames and
-carries markers along, so a punch is shown as solved. Where the markers themselves jump nothing is limited: this is
-another person, or the same one after a gap.
+When a marker reappears, or the same markers are explained differently, a joint can move faster than a body can. Such a
+joint moves to its new rotation at a limited rate. It may be faster in a movement that has accelerated over several
+frames and carries markers along, so a punch is shown as solved. Where the markers themselves jump, nothing is limited:
+they show another person, or the same one after a gap.
 """
 
 from collections import deque
@@ -18,12 +18,13 @@ from .skeleton import Skeleton
 _FRAME_S = 1.0 / 60.0  # frame interval to which the limits below refer
 _USUAL_RAD = np.radians(9.8)  # largest rotation per frame without markers that show it
 _AT_CHANGE_RAD = np.radians(2.9)  # limit for the two frames after a marker of the limb appears or disappears
-_GATHERED_RAD = np.radians(3.34)  # largest increase of the rotation per frame in an accelerating movement,
-_GATHERED_FRAMES = 5  # compared with this many earlier frames
+_GATHERED_RAD = np.radians(3.34)  # largest increase of the rotation per frame in an accelerating movement
+_GATHERED_FRAMES = 5  # number of earlier frames that the rotation is compared with
 _GAINS_RAD = _GATHERED_RAD * np.arange(_GATHERED_FRAMES, -1, -1)[:, None]
 _LEVER_M = 0.32  # a joint's rotation is limited to the movement of a marker below it, divided by this lever
 _FASTEST_M = 0.15  # largest movement of a marker per frame; faster ones do not count
-_NEW_FRAMES = 8  # poses of a body just found that are shown as solved: the first may be wrong, and is no authority
+# first poses of a body just found, shown as solved: the very first may be wrong, and must not hold back the next
+_NEW_FRAMES = 8
 _FADING = 0.8  # factor per frame for the last movement of a hidden marker
 _PAUSE_S = 0.25  # time without a pose after which the limit restarts
 _CUT_M = 0.15  # distance per frame from all recent positions that makes a marker part of a cut
@@ -45,7 +46,7 @@ class PoseSlewLimit:
         self._limbs: Mask = below | skeleton.is_ancestor.T[carriers]
         rest_m = skeleton.rest_positions_m
         levers_m = np.linalg.norm((rest_m[carriers] + offsets_m)[:, None] - rest_m, axis=-1)
-        # a marker close to a joint is moved by the joints above it
+        # a marker close to a joint moves mostly with the joints above
         self._shares = below * np.minimum(levers_m / _LEVER_M, 1.0) ** 2
         self.reset()
 

@@ -6,7 +6,7 @@ from ..body.skeleton import Skeleton
 from ..geometry.arrays import Array, FloatArray, IntArray
 from ..geometry.quaternion_components import Quaternion, Vector, multiply
 
-_CHUNK = 8192  # poses per chunk, which fit the processor's cache and keep numpy's overhead small
+_CHUNK = 8192  # poses per chunk: few enough for the CPU's cache, many enough to keep NumPy's overhead small
 _SMALLEST_RAD = 1e-12
 _ORIGIN = (np.zeros(()), np.zeros(()), np.zeros(()))
 
@@ -16,8 +16,8 @@ def markers_at_rest(
 ) -> FloatArray:
     """Return the markers (F, M, 3), metres, of poses with the root at rest.
 
-    Equivalent to `rotations_from_pose` and `skeleton.marker_positions` in a seventh of the time: it uses arrays over
-    the poses for each component of a rotation, and only joints that carry markers.
+    Equivalent to `rotations_from_pose` and `skeleton.marker_positions` in a seventh of the time: each component of a
+    rotation is an array over the poses, and joints without markers on or below them are skipped.
 
     Args:
         joints: Joint (M,) of each marker.
@@ -53,7 +53,7 @@ def _exponential(vectors: Array) -> Quaternion:
 
 
 def _moved(origin: Vector, turn: Quaternion | None, offset_m: Array) -> Vector:
-    """Return an origin plus a rotated offset (3,); a rotation of None leaves it as it is."""
+    """Return an origin plus a rotated offset (3,); a rotation of None leaves the offset unchanged."""
     a, b, c = offset_m
     ox, oy, oz = origin
     if turn is None:

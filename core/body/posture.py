@@ -12,7 +12,7 @@ from .skeleton import Skeleton, forward_kinematics
 
 @dataclass(frozen=True)
 class PostureSettings:
-    """Thresholds for a body that is upside down during a whole motion."""
+    """Thresholds for a body that is upside down throughout a motion."""
 
     samples: int = 600  # largest number of frames that are checked
     upright: float = 0.5  # cosine between up and trunk or thighs that a body reaches when it sits, crawls or stands
@@ -41,12 +41,12 @@ class Posture:
 
     @property
     def is_never_upright(self) -> bool:
-        """Whether the body lies, or is upside down, in the whole motion."""
+        """Whether the body lies or is upside down throughout the motion."""
         return bool(np.percentile(self.upright, 100.0 * (1.0 - _S.upright_share)) < _S.upright)
 
     @property
     def is_upside_down(self) -> bool:
-        """Whether the body is upside down in the whole motion."""
+        """Whether the body is upside down throughout the motion."""
         return self.is_never_upright and bool(np.median(self.trunk) < -_S.upright)
 
     @property
@@ -76,7 +76,7 @@ def turned_upright(motion: Motion) -> Motion | None:
         return None
     positions = motion.root_positions_m * [1.0, -1.0, -1.0]
     height_m = float(np.median(positions[:, 1]))
-    positions[:, 1] += 2.0 * max(0.0, -height_m)  # a body that turned over without its world stays above the floor
+    positions[:, 1] += 2.0 * max(0.0, -height_m)  # a root that was above the floor keeps its height
     rotations = motion.rotations.copy()
     rotations[:, 0] = rot.multiply(_HALF_TURN, rotations[:, 0])
     return replace(motion, rotations=rotations, root_positions_m=positions)

@@ -11,9 +11,9 @@ from .body_parts import PARTS
 from .pose_notes import PoseNote
 
 DOUBTFUL = 0.3  # confidence below which a pose is probably wrong
-_TOGETHER_S = 0.1  # longest pause between equal notes that are told as one
-_REASON = 0.25  # smallest share of a passage's poses with a note for it to be the reason
-# expected error above which a part is probably wrong; for hands and feet it is always above half of this
+_TOGETHER_S = 0.1  # longest pause between equal notes that are reported as one
+_REASON = 0.25  # fraction of a passage's poses that must have a note for it to be the reason
+# expected error above which a part is probably wrong; that of hands and feet always exceeds half of their limit
 DOUBTFUL_PART_DEG = np.array([40.0 if part.endswith(("hand", "foot")) else 25.0 for part in PARTS])
 
 
@@ -25,8 +25,8 @@ class PropPose:
         rotation: World-from-prop quaternion (4,).
         position_m: The prop's origin (3,) in the world.
         rms_m: RMS distance between its located markers and those of the rigid prop; NaN if none was located.
-        seen: Number of its markers that any camera showed; 0 if it was not found: it then keeps its last pose, or
-            initially the pose at the origin.
+        seen: Number of its markers that any camera saw; 0 if the prop was not found. It then keeps its last pose,
+            initially the one at the origin.
     """
 
     rotation: Array
@@ -36,7 +36,7 @@ class PropPose:
 
     @property
     def found(self) -> bool:
-        """Whether the cameras showed the prop."""
+        """Whether any camera saw the prop."""
         return self.seen > 0
 
 
@@ -55,8 +55,8 @@ class PerformerPose:
         neighbours: Number of neighbours, K, of the local model.
         dimensions: Number of dimensions, B, of the local model.
         notes: Problems of this pose.
-        single_points: Where that camera saw it (M, 2), undistorted and normalised, NaN elsewhere; empty in poses read
-            from takes, which store these points by blob.
+        single_points: Image points (M, 2) of these markers in that camera, undistorted and normalised, NaN elsewhere;
+            empty in poses read from takes, which store these points by blob.
         part_errors_deg: Expected errors (P,) of the body's parts (`body_parts.PARTS`), means over their joints: 95 % of
             the errors are within twice that. Empty for methods other than "best", and in takes of earlier versions.
         joint_errors_deg: The same (J - 1,) for each joint except the root; also empty in poses read from takes.
@@ -95,7 +95,7 @@ class PerformerPose:
 
 
 def doubtful_parts(errors_deg: Array) -> list[str]:
-    """Return the parts with large expected errors (P,), none of no errors."""
+    """Return the parts with large expected errors (P,); none if the errors are unknown (0,)."""
     if not len(errors_deg):
         return []
     return [part for part, large in zip(PARTS, (errors_deg > DOUBTFUL_PART_DEG).tolist(), strict=True) if large]
@@ -132,9 +132,9 @@ class DoubtfulStretch:
 
     Args:
         start_s, stop_s: Time since the first pose.
-        reason: Most frequent note of its poses, or of their notes on the part; "" if none is frequent.
+        reason: Most frequent note on its poses, only among notes on the part if there is one; "" if none is frequent.
         part: Part of the body; "" for the whole pose.
-        first, last: Frames, counted from 0, including the last.
+        first, last: First and last frame, counted from 0.
     """
 
     start_s: float
@@ -147,13 +147,13 @@ class DoubtfulStretch:
 
 @dataclass(frozen=True)
 class Decision:
-    """What the solver decided, with the reason, in a passage of a take.
+    """Decision of the solver in a passage of a take, with the reason.
 
     Args:
         start_s, stop_s: Time since the first pose.
         kind: Name of the kind of note (`pose_notes.NoteKind`).
         reason: The note.
-        first, last: Frames, counted from 0, including the last.
+        first, last: First and last frame, counted from 0.
     """
 
     start_s: float

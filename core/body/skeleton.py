@@ -65,7 +65,7 @@ class Skeleton:
         if np.any(np.linalg.norm(self.offsets_m[1:], axis=1) > _LONGEST_BONE_M):
             raise SkeletonError(f"a bone is longer than {_LONGEST_BONE_M:g} m", advice="check the unit of length")
         if not np.all(np.abs(np.linalg.norm(self.angle_axes, axis=1) - 1.0) < 1e-3):
-            raise SkeletonError("the axes of an angle are not a rotation")
+            raise SkeletonError("the angle axes of a joint are not a unit quaternion")
 
     def __len__(self) -> int:
         return len(self.names)
@@ -130,7 +130,7 @@ def joint_leaps(parents: tuple[int, ...]) -> tuple[tuple[IntArray | slice, IntAr
     above = np.array(parents)
     while np.any(above >= 0):
         joints = np.flatnonzero(above >= 0)
-        # joints in order of depth: those this deep come last, so a slice replaces the indices
+        # if joints are in order of depth, those this deep come last, and a slice replaces their indices
         result.append((slice(joints[0], None) if len(joints) == len(above) - joints[0] else joints, above[joints]))
         above[joints] = above[above[joints]]
     return tuple(result)
@@ -241,4 +241,4 @@ def _completed(order: str) -> str:
         rest = iter(full)
         if all(axis in rest for axis in order):
             return full
-    raise SkeletonError(f"{order!r} is not an order of three different axes")
+    raise SkeletonError(f"{order!r} is not an Euler order", advice='give each axis at most once, as in "ZYX"')

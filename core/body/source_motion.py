@@ -123,7 +123,7 @@ def every_frame(source: SourceMotion, step: int) -> SourceMotion:
 
 
 def source_of_motion(motion: Motion, where: str) -> SourceMotion:
-    """Return a motion on any skeleton in the form that files have, for mapping."""
+    """Return a motion on any skeleton as a source motion, for mapping to another skeleton."""
     return SourceMotion(
         name=motion.name,
         where=where,

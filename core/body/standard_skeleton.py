@@ -39,7 +39,7 @@ def mirrored_name(name: str) -> str:
 
 
 def default_skeleton(height_m: float = DEFAULT_HEIGHT_M) -> Skeleton:
-    """Return the standard skeleton at a height (head to sole), in metres."""
+    """Return the standard skeleton scaled to a height from head to sole, metres."""
     parts = {name: _joint_of(name) for name in JOINT_NAMES}
     scale = height_m / _REFERENCE_HEIGHT_M
     return Skeleton(

@@ -12,7 +12,7 @@ from ..errors import CalibrationError
 from .arrays import Array, ComplexArray, Mask
 
 WORLD_FROM_CAMERA = np.diag([1.0, -1.0, -1.0])
-"""Axes of the world for a level first camera that the performer faces, until a floor is known."""
+"""World axes until a floor is known, for a level first camera that the performer faces."""
 
 
 @dataclass(frozen=True)
@@ -25,7 +25,7 @@ class Camera:
         distortion: k1, k2, p1, p2, k3 (5,) as in OpenCV.
         rotation: Camera-from-world (3, 3).
         translation_m: x_camera = rotation @ x_world + translation (3,).
-        ignored_px: Positions (N, 2) in the image where nothing is taken for a marker, because of reflections.
+        ignored_px: Image positions (N, 2) of reflections, at which no blob is taken for a marker.
     """
 
     name: str
@@ -50,12 +50,14 @@ class Camera:
                     )
                 value = np.pad(value.ravel()[:5], (0, max(0, 5 - value.size)))
             if value.shape != shape or not np.all(np.isfinite(value)):
-                raise CalibrationError(f"{key} must be {shape} finite numbers", where=f"camera {self.name}")
+                raise CalibrationError(
+                    f"{key} must be an array of finite numbers with shape {shape}", where=f"camera {self.name}"
+                )
             object.__setattr__(self, key, value)
         places = np.asarray(self.ignored_px, dtype=np.float64)
         places = places.reshape(-1, 2) if places.size == 0 else places
         if places.ndim != 2 or places.shape[1] != 2 or not np.all(np.isfinite(places)):
-            raise CalibrationError("ignored places must be pairs of finite numbers", where=f"camera {self.name}")
+            raise CalibrationError("ignored positions must be pairs of finite numbers", where=f"camera {self.name}")
         object.__setattr__(self, "ignored_px", places)
         if min(size) <= 0 or self.matrix[0, 0] <= 0.0 or self.matrix[1, 1] <= 0.0:
             raise CalibrationError("image size and focal lengths must be positive", where=f"camera {self.name}")
@@ -84,7 +86,7 @@ class Camera:
         normalised = local[..., :2] / np.where(ahead, local[..., 2], 1.0)[..., None]
         pixels = self.to_pixels(normalised)
         inside = ahead & np.all((pixels >= 0.0) & (pixels <= np.array(self.image_size) - 1.0), axis=-1)
-        # a lens model folds directions far outside the image back into it
+        # lens models fold directions far outside the image back into it
         back = self.undistort(pixels[inside])
         inside[inside] = np.abs(back - normalised[inside]).max(axis=-1, initial=0.0) < 0.01
         return np.asarray(inside)
@@ -115,7 +117,7 @@ class Camera:
 
 
 def undistort_all(cameras: Sequence[Camera], pixels: Sequence[Array]) -> list[Array]:
-    """Return each camera's undistorted normalised coordinates (n, 2), computed together."""
+    """Return each camera's undistorted normalised coordinates (n, 2), all computed at once."""
     counts = [len(rows) for rows in pixels]
     columns = zip(*(_intrinsics(camera) for camera in cameras), strict=True)
     found = _undistort(np.concatenate(pixels), *(np.repeat(column, counts, axis=0) for column in columns))
@@ -150,7 +152,7 @@ def _undistort(pixels: Array, intrinsics: Array, distortion: Array) -> Array:
         # the bound keeps points finite where the lens model folds back, far outside the image
         determinant = np.maximum(by_z * by_z - _squared(by_conjugate), 0.05)
         z = z - (by_z * error - by_conjugate * error.conj()) * (1.0 / determinant)
-        # the step just taken squares this error
+        # Newton's method converges quadratically: the step just taken has about squared this error
         if not np.max(np.abs(error), initial=0.0) > 1e-7:
             break
     found = np.empty(pixels.shape)
@@ -193,7 +195,7 @@ class CameraRig:
 
     @property
     def ignored(self) -> Array:
-        """Ignored positions (N, 3) of all cameras: index of the camera, x, y."""
+        """Ignored positions (N, 3) of all cameras: camera index, x, y."""
         rows = [np.insert(camera.ignored_px, 0, index, axis=1) for index, camera in enumerate(self.cameras)]
         return np.concatenate(rows)
 

@@ -13,7 +13,7 @@ def assign(costs: ArrayLike, gate: float = 1.0) -> tuple[IntArray, IntArray]:
 
     Args:
         costs: Costs (N, M), infinite where a pair is forbidden.
-        gate: Positive limit; if limits differ between pairs, divide the costs by them.
+        gate: Positive limit; if limits differ between pairs, divide each cost by its limit.
     """
     # scipy is slow to import, and Blender loads this module at startup
     from scipy.optimize import linear_sum_assignment

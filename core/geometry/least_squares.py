@@ -73,7 +73,7 @@ def levenberg_marquardt(
     Args:
         move: Returns the state plus a step (D,).
         steps: Largest number of steps, including rejected ones.
-        least_gain: Iteration ends when a step lowers the cost by no more than this share.
+        least_gain: Iteration ends when a step lowers the cost by less than this fraction.
 
     Returns:
         The state with the lowest cost and the equations there.

@@ -1,7 +1,7 @@
-"""Interacting multiple model filter (Blom and Bar-Shalom 1988) for points that stand, move and strike.
+"""Interacting multiple model filter (Blom and Bar-Shalom 1988) for points that rest, move and strike.
 
-Kalman filters of constant acceleration differ in how fast the acceleration may change; the better a model predicts a
-point, the more weight it gets. So a still point is held still, and a fast one does not lag.
+Its models are constant-acceleration Kalman filters that differ in how fast the acceleration may change; the better a
+model predicts a point, the more weight it gets. So a still point is held still, and a fast one does not lag.
 """
 
 import math
@@ -19,7 +19,7 @@ def _movements() -> tuple[Array, Array]:
     """Return prediction matrices as polynomials in time, one row per power.
 
     Returns:
-        The transition (6, 18 * 18) of rows of states and covariances, and the covariance (6, 9) added by a unit of the
+        The transition (6, 18 * 18) of rows of states and covariances, and the covariance (6, 9) added per unit of the
         jerk's spectral density.
     """
     # the transition of position, velocity and acceleration, by powers of time
@@ -41,14 +41,14 @@ _MOVEMENT, _JERKS = _movements()
 class MotionModels:
     """How points move; lengths are in the points' unit."""
 
-    changes: tuple[float, ...]  # third differences at 60 Hz that the models expect
+    changes: tuple[float, ...]  # third difference at 60 Hz that each model expects
     least_sigma: float  # smallest standard deviation of a measured coordinate
     jump: float  # distance from every prediction beyond which a point is re-initialised
-    first_speed: float  # standard deviation at the start, per s
-    first_acceleration: float  # standard deviation at the start, per s^2
+    first_speed: float  # standard deviation of the initial velocity, per s
+    first_acceleration: float  # standard deviation of the initial acceleration, per s^2
     holds_s: float = 1.0  # mean time until a point changes its model
     pause_s: float = 0.25  # time without measurement after which a point is re-initialised
-    jump_sigmas: float = 8.0  # distance in standard deviations that `jump` requires as well
+    jump_sigmas: float = 8.0  # distance in standard deviations that a jump must exceed as well
 
 
 class MultipleModelFilter:
@@ -66,7 +66,7 @@ class MultipleModelFilter:
         self._hold(np.zeros((points, models, 18)))
 
     def _hold(self, rows: Array) -> None:
-        """State (N, K, 9 + 9): position, velocity and acceleration by axis, and the covariance that all axes share."""
+        """Store the state (N, K, 9 + 9): position, velocity and acceleration by axis, and their shared covariance."""
         self._states, self._covariances = (
             part.reshape(*rows.shape[:2], 3, 3) for part in (rows[..., :9], rows[..., 9:])
         )
@@ -116,7 +116,7 @@ class MultipleModelFilter:
         return np.where(np.isfinite(points[:, 0]), found, np.nan)
 
     def _innovations(self, points: Array, sigmas: Array) -> tuple[Array, Array, Array, Array]:
-        """Return innovations (N, K, 3), their variances (N, K), squared lengths, and these by variance."""
+        """Return innovations (N, K, 3), and their variances, squared lengths, and squares over variances (N, K)."""
         located = np.isfinite(points[:, :1])
         innovations = np.where(located, points, 0.0)[:, None] - self._states[:, :, 0]
         variances = self._covariances[..., 0, 0] + (sigmas * sigmas)[:, None]

@@ -1,6 +1,6 @@
-"""Arrays in .npz files, checked before memory is allocated for the sizes they declare.
+"""Arrays in .npz files, whose declared sizes are checked before memory is allocated.
 
-NumPy's reader trusts declared sizes, and its writer leaves a broken file behind on a full disk.
+NumPy's reader trusts declared sizes, and its writer leaves a broken file behind when the disk is full.
 """
 
 import re
@@ -30,12 +30,12 @@ def read_arrays(
     """Return the arrays of a .npz file by name.
 
     Raises:
-        PerfanimError: Of the class `kind`: it is not such a file, is damaged, or declares far more than it contains.
+        PerfanimError: Of the class `kind`: the file is no .npz file, is damaged, or declares far more than it contains.
     """
     with open_foreign(path, kind) as file, reading(path, kind, what=what):
         check_kind(file.read(4096), str(path), "NumPy file", kind, "archive (zip)")
         size = file.seek(0, 2)
-        excess = kind("declares far more than it holds", where=str(path), advice="export it again")
+        excess = kind("declares far more data than it holds", where=str(path), advice="export it again")
 
         def check_count(members: int) -> None:
             if members > 200:
@@ -72,7 +72,7 @@ def open_zip(file: BinaryIO, check_count: Callable[[int], None]) -> zipfile.ZipF
 
 
 class _CountedList:
-    """File that counts archive members while zipfile reads their directory; the declared number is not trusted."""
+    """File that counts archive members while zipfile reads their directory; the declared number may be wrong."""
 
     def __init__(self, file: BinaryIO, check_count: Callable[[int], None]) -> None:
         self.is_listed = False
@@ -83,7 +83,7 @@ class _CountedList:
         return getattr(self._file, name)
 
     def read(self, size: int = -1) -> bytes:
-        """Read from the file; zipfile gives a size only when it reads the directory."""
+        """Read from the file; zipfile passes a size only when it reads the directory."""
         if size > 0 and not self.is_listed:
             self._count(size)
         return self._file.read(size)

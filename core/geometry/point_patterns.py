@@ -9,7 +9,7 @@ from .rigid_transform import kabsch, transform
 def match_rigid_pattern(
     points_m: Array, spans_m: Array, tolerances_m: Array, fewest: int, allowed: Mask | None = None
 ) -> IntArray:
-    """Return matches (H, M): the point of each marker, or -1; matches with most points come first.
+    """Return matches (H, M): the point of each marker, or -1; matches with the most points come first.
 
     Args:
         points_m: Points (N, 3).
@@ -58,6 +58,6 @@ def place_pattern(markers_m: Array, points_m: Array) -> tuple[Array, Array, floa
 
 
 def planarity_m(points_m: Array) -> float:
-    """Return the RMS distance of points (N, 3) from the line nearest to them."""
+    """Return the RMS distance of points (N, 3) from the line that fits them best."""
     sizes = np.linalg.svd(points_m - points_m.mean(axis=0), compute_uv=False)
     return float(np.sqrt(np.sum(sizes[1:] ** 2) / len(points_m)))

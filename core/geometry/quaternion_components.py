@@ -1,7 +1,7 @@
 """Vectors and quaternions as tuples of numbers, or of arrays (F,) over frames.
 
-For the legs of a single frame, in every tick of a live character, plain numbers are ten times as fast as NumPy calls
-on arrays of three or four. The same formulas process all frames of a motion at once.
+For the legs of a single frame, in every update of a live character, plain numbers are ten times as fast as NumPy calls
+on arrays of three or four elements. The same formulas process all frames of a motion at once.
 """
 
 from typing import Any

@@ -26,22 +26,20 @@ _FARTHEST = 1e6  # largest value in pixels, and of lengths in the file's unit
 class _CameraTable:
     """A camera in a file."""
 
-    size: Annotated[tuple[int, int], About("width and height of its images", "pixels", 1, 100_000)]
-    matrix: Annotated[
-        Array, About("focal lengths and centre, as OpenCV's", "pixels", -_FARTHEST, _FARTHEST, shape=(3, 3))
-    ]
+    size: Annotated[tuple[int, int], About("width and height of the images", "pixels", 1, 100_000)]
+    matrix: Annotated[Array, About("intrinsic matrix, as in OpenCV", "pixels", -_FARTHEST, _FARTHEST, shape=(3, 3))]
     rotation: Annotated[
         Array, About("camera from world: rotation vector, or matrix", "", -1e3, 1e3, shape=(3,), or_shape=(3, 3))
     ]
     translation: Annotated[Array, About("camera from world, in the file's unit", "", -_FARTHEST, _FARTHEST, shape=(3,))]
-    name: Annotated[str, About("name of the camera; by default the table's")] = "camera"
+    name: Annotated[str, About("name of the camera; by default the name of the table")] = "camera"
     distortions: Annotated[
-        Array, About("k1, k2, p1, p2, k3, as OpenCV's", "", -_FARTHEST, _FARTHEST, shape=(None,))
+        Array, About("k1, k2, p1, p2, k3, as in OpenCV", "", -_FARTHEST, _FARTHEST, shape=(None,))
     ] = field(default_factory=lambda: np.zeros(5))
-    ignored_px: Annotated[Array, About("places of reflections", "pixels", -_FARTHEST, _FARTHEST, shape=(None, 2))] = (
-        field(default_factory=lambda: np.zeros((0, 2)))
-    )
-    fisheye: Annotated[bool, About("true is refused: another lens model")] = False
+    ignored_px: Annotated[
+        Array, About("positions of reflections", "pixels", -_FARTHEST, _FARTHEST, shape=(None, 2))
+    ] = field(default_factory=lambda: np.zeros((0, 2)))
+    fisheye: Annotated[bool, About("whether the lens is a fisheye, which is refused")] = False
 
 
 @dataclass(frozen=True)
@@ -53,7 +51,7 @@ class _Metadata:
 
 @dataclass(frozen=True)
 class _Calibration:
-    """Facts in a file about all cameras."""
+    """Facts about all cameras of a file."""
 
     metadata: Annotated[_Metadata, About("about all cameras")] = _Metadata()
 
@@ -68,9 +66,9 @@ CAMERA = Schema(
 METADATA = Schema(
     _Calibration,
     "Calibration as a whole",
-    "Beside the cameras' tables; other keys of `[metadata]` are kept as they are.",
+    "A table beside those of the cameras; its other keys are kept as they are.",
     CalibrationError,
-    'length_unit is "m" or "mm"',
+    'set length_unit to "m" or "mm"',
 )
 
 
@@ -80,7 +78,7 @@ def save_rig(rig: CameraRig, path: str | Path) -> None:
 
 
 def rig_tables(rig: CameraRig, exact: bool = False) -> dict[str, Any]:
-    """Return the tables that `save_rig` writes; if `exact`, rotations are matrices with all digits."""
+    """Return the tables that `save_rig` writes; if `exact`, rotations are matrices at full precision."""
     tables: dict[str, Any] = {}
     for index, camera in enumerate(rig.cameras):
         tables[f"cam_{index}"] = table_of(_table(camera)) | ({"rotation": camera.rotation.tolist()} if exact else {})
@@ -102,8 +100,8 @@ def _table(camera: Camera) -> _CameraTable:
 def load_rig(path: str | Path) -> CameraRig:
     """Return the rig in a calibration file: anipose, caliscope or Qualisys.
 
-    Files of other programs are converted to metres and to a world with y up. In anipose's layout they lack
-    `metadata.length_unit`: lengths are in the unit of the board, millimetres if a baseline exceeds 10.
+    Files of other programs are converted to metres and to a world with y up. Those in anipose's layout lack
+    `metadata.length_unit`: their lengths are in the unit of the board, taken for millimetres if a baseline exceeds 10.
 
     Raises:
         FormatError: The file cannot be read.
@@ -138,7 +136,7 @@ def save_ignored(path: str | Path, places: ArrayLike) -> None:
     keys = _camera_keys(tables)
     if not keys or not all(isinstance(tables[key], dict) for key in keys):
         raise CalibrationError(
-            "is a calibration of another program, which cannot hold ignored places",
+            "is a calibration of another program, which cannot hold ignored positions",
             where=str(path),
             advice="calibrate here, or cover the reflections",
         )
@@ -157,7 +155,7 @@ def _read_cameras(rows: Sequence[Table], where: str) -> tuple[Camera, ...]:
 def _cameras(tables: Sequence[_CameraTable], where: str) -> tuple[Camera, ...]:
     if not tables:
         raise CalibrationError(
-            "holds no cameras", where=where, advice="use a calibration of Perfanim, anipose, caliscope or Qualisys"
+            "holds no cameras", where=where, advice="use a calibration from Perfanim, anipose, caliscope or Qualisys"
         )
     return tuple(_camera(table, where) for table in tables)
 
@@ -183,7 +181,7 @@ def _camera(table: _CameraTable, where: str) -> Camera:
         )
     turn = table.rotation
     matrix = turn if turn.shape == (3, 3) else rot.to_matrix(rot.from_rotation_vector(turn))
-    if 1e-9 < np.abs(matrix @ matrix.T - np.eye(3)).max() < 1e-3:  # few digits, or the result of a bundle adjustment
+    if 1e-9 < np.abs(matrix @ matrix.T - np.eye(3)).max() < 1e-3:  # rounded, or not orthonormal after bundle adjustment
         matrix = nearest_rotation(matrix)
     found = (table.name, table.size, table.matrix, table.distortions, matrix, table.translation, table.ignored_px)
     camera = Camera(*found)

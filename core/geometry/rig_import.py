@@ -56,10 +56,10 @@ def qualisys_rows(raw: bytes, where: str) -> list[dict[str, Any]]:
         root = ElementTree.fromstring(raw)  # noqa: S314 - entities, which can expand without limit, are refused above
     cameras = root.findall("cameras/camera")
     if root.tag != "calibration":
-        advice = "export it again as one of anipose, caliscope or Qualisys"
-        raise CalibrationError(f"is XML of another program (<{root.tag[:40]}>)", where=where, advice=advice)
+        advice = "use a calibration from anipose, caliscope or Qualisys"
+        raise CalibrationError(f"is another program's XML file (<{root.tag[:40]}>)", where=where, advice=advice)
     if not cameras:
-        raise CalibrationError("is XML that holds no cameras", where=where, advice="export it again")
+        raise CalibrationError("is a Qualisys calibration that holds no cameras", where=where, advice="export it again")
     return [_qualisys_row(camera, where) for camera in cameras if camera.get("active", "1") != "0"]
 
 
@@ -97,8 +97,8 @@ def _numbers(camera: ElementTree.Element, tag: str, names: tuple[str, ...], plac
 def level_from_world(rotations: Array) -> Array:
     """Return the rotation (3, 3) that makes y the upward axis of a world.
 
-    Programs differ in which axis points up. Most cameras are held upright, which reveals it; if they disagree, the
-    world is left as it is.
+    Programs differ in which axis points up. Most cameras are mounted upright, which reveals the axis; if they disagree,
+    the world is left as it is.
     """
     up = -rotations[:, 1].mean(axis=0)
     axis = int(np.argmax(np.abs(up)))

@@ -21,7 +21,7 @@ def kabsch(source: ArrayLike, target: ArrayLike, weights: ArrayLike | None = Non
     """Return R (3, 3) and t (3,) that minimise sum w |target - (R source + t)|^2.
 
     Args:
-        source, target: Points (N, 3); three not on a line determine the rotation.
+        source, target: Points (N, 3); three that are not on a line determine the rotation.
         weights: Non-negative weights (N,).
     """
     quaternion, translation = fit_rigid(source, target, weights)
@@ -45,7 +45,7 @@ def fit_rigid(source: ArrayLike, target: ArrayLike, weights: ArrayLike | None = 
 
 
 def mean_vertical(template: Array, targets: Array, fewest: int) -> Array:
-    """Return the mean of the y axes (3,) of rigid fits to targets, zero without a fit.
+    """Return the mean of the y axes (3,) of rigid fits to targets; zero if no target can be fitted.
 
     Args:
         template: Points (N, 3) of an upright body.

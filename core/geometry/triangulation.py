@@ -18,7 +18,7 @@ def triangulate(
 
     Args:
         normalised: Undistorted normalised coordinates (N, C, 2); ignored where the weight is zero.
-        weights: 1 where a camera sees a point, else 0 (N, C); at least two ones in a row.
+        weights: 1 where a camera sees a point, else 0 (N, C); at least two cameras see each point.
         pixel_sigma: Standard deviation of a blob's centre along each axis, pixels.
         start_m: Earlier estimates of the points (N, 3), NaN if unknown.
     """
@@ -29,7 +29,7 @@ def triangulate(
         start = np.where(np.isfinite(start), start, _linear(cameras, rotations, observed, weights))
     shifts = np.array([camera.translation_m for camera in cameras])
     focal = np.array([camera.focal_px for camera in cameras])
-    # in pixels: the distortion hardly changes the scale within a marker's error
+    # the focal length alone turns errors into pixels: the distortion is about constant over so short a distance
     scale = (weights * (focal / pixel_sigma))[..., None]
     points, residuals, jacobian = gauss_newton(
         start,

@@ -25,7 +25,7 @@ def reach_with_two_bones(
         rotations: Current world rotations (4,) of the bones.
         target: Target (3,) relative to the start; if it is out of reach, the bones point at it.
         hinge: Unit axis (3,) about which a straight limb bends.
-        straightest: Share of the limb's length to which it may be stretched, unless it is already longer.
+        straightest: Fraction of the limb's length to which it may be stretched, unless it is straighter already.
     """
     start, middle, end = points
     first, second, reach = middle - start, end - middle, end - start
@@ -51,10 +51,10 @@ def two_bone_directions(
     """Return the directions of two bones that put their end at `reach`, relative to their start.
 
     Args:
-        reach: Desired end of the second bone; beyond the bones' length they come as close as possible.
-        normal: Normal of the plane of the bend while the bones end at `unreached`; it turns along with the limb.
-        unreached: Current end of the bones.
-        straightest: Largest share of the bones' length to which they are stretched.
+        reach: Desired end of the second bone; if it is out of reach, the bones come as close as possible.
+        normal: Normal of the plane in which the bones bend while they end at `unreached`; it turns with the limb.
+        unreached: Current end of the second bone.
+        straightest: Largest fraction of their length to which the bones are stretched.
     """
     way = c.unit(reach)
     limit = straightest * (first_m + second_m)

@@ -260,7 +260,7 @@ CASES: dict[str, list[tuple[str | bytes, str]]] = {
     "rig.txt": [
         ("<calibration><cameras><camera", "not valid XML"),
         ("<html><body/></html>", "is a web page, not the expected calibration"),
-        ("<rig/>", r"is XML of another program \(<rig>\)"),
+        ("<rig/>", r"is another program's XML file \(<rig>\)"),
         ("<calibration><cameras/></calibration>", "holds no cameras"),
         ('<calibration><cameras><camera serial="A1"/></cameras></calibration>', "camera A1: <fov_video> is incomplete"),
         ('<!DOCTYPE a [<!ENTITY b "c">]><calibration/>', "not a Qualisys calibration"),

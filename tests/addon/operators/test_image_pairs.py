@@ -89,7 +89,7 @@ def test_trajectories_of_the_pictures_are_put_on_a_character(part: Any, tracked:
     text, path = imported(part, tracked, "walk.take.npz")
     first, warning = text.split("; ")
     assert first == "1 take imported"
-    assert "frames come unevenly" in warning
+    assert "frames are unevenly spaced" in warning
     assert bpy.ops.perfanim.play_take(path=str(path)) == {"FINISHED"}
     assert chosen.armature.name == "Hero"
     check_walk(chosen.armature, path)

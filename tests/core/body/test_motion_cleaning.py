@@ -64,7 +64,7 @@ def test_shipped_motion_has_no_defects(rate: float) -> None:
 
 def test_a_root_jump_cuts_the_clip_and_loses_no_frame(run: Motion) -> None:
     result = cleaned(moved(run, slice(AT, None), 0.5))
-    assert rows(result) == [("root jump", AT + 1, AT + 1, "cut, goes on as another clip")]
+    assert rows(result) == [("root jump", AT + 1, AT + 1, "cut, the rest is another clip")]
     assert_parts(result, run, [(0, AT), (AT, run.frames)])
 
 
@@ -92,7 +92,7 @@ def test_pops_at_the_ends_are_cut_off(run: Motion) -> None:
 def test_a_limb_that_stays_turned_cuts_the_clip(run: Motion) -> None:
     broken = turned(run, "rhumerus", slice(AT, None), 110.0)
     result = cleaned(broken)
-    assert rows(result) == [("limb pop of rhumerus", AT + 1, AT + 1, "cut, goes on as another clip")]
+    assert rows(result) == [("limb pop of rhumerus", AT + 1, AT + 1, "cut, the rest is another clip")]
     assert_parts(result, broken, [(0, AT), (AT, run.frames)])
 
 
@@ -141,7 +141,7 @@ def test_a_long_flip_is_kept_and_named(run: Motion) -> None:
 
 def test_angles_that_flip_without_the_rotation_are_kept_and_named(run: Motion) -> None:
     result = cleaned(run, (AT, AT + 20))
-    assert rows(result) == [("Euler angles flip 2 times, the rotation does not", AT + 1, AT + 21, "kept")]
+    assert rows(result) == [("Euler angles flip 2 times, but the rotation does not", AT + 1, AT + 21, "kept")]
     assert_parts(result, run, [(0, run.frames)])
     jumped = cleaned(turned(run, "lhumerus", slice(AT, None), 110.0), (AT,))
     assert [row[0] for row in rows(jumped)] == ["limb pop of lhumerus"]

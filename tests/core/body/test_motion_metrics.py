@@ -173,7 +173,7 @@ def test_joints_that_one_lacks_are_left_out() -> None:
     result = evaluate(motion, truth)
     assert result["joints"] == 25
     assert result["mpjpe_mm"] == pytest.approx(0.0, abs=1e-6)
-    assert result["notes"] == ["compared are the 25 joints that both have"]
+    assert result["notes"] == ["only the 25 joints that both have are compared"]
 
 
 def test_nothing_in_common_is_refused() -> None:

@@ -128,7 +128,7 @@ CASES = [
     (SUBJECT.replace("walk.take.npz", "unseen.take.npz"), "fewer than three"),
     # track
     (TRACK.replace("cameras.toml", "words.toml"), "words.toml: is not valid TOML"),
-    (TRACK.replace("cameras.toml", "walker.toml"), r"walker.toml: holds no cameras; use a calibration of"),
+    (TRACK.replace("cameras.toml", "walker.toml"), r"walker.toml: holds no cameras; use a calibration from"),
     (TRACK.replace("--right right", "--right gone"), "gone: not found"),
     (TRACK.replace("--right right", "--right empty"), "empty: contains no image files"),
     (TRACK.replace("--right right", "--right left"), "two cameras are given the same source"),

@@ -183,7 +183,7 @@ def test_ignoring_replaces_the_ignored_places() -> None:
 def test_ignored_places_are_refused_in_other_programs_files(tmp_path: Path) -> None:
     path = tmp_path / "caliscope.toml"
     path.write_text("[cameras.0]\nsize = [640, 480]\n")
-    with pytest.raises(CalibrationError, match="cannot hold ignored places"):
+    with pytest.raises(CalibrationError, match="cannot hold ignored positions"):
         save_ignored(path, [(0, 1.0, 2.0)])
     assert path.read_text() == "[cameras.0]\nsize = [640, 480]\n"
 

@@ -22,7 +22,7 @@ def camera(fx: float, fy: float, centre: tuple[float, float] = (320.0, 240.0), k
         (camera(28.0, 28.0, k1=0.9), "field of view of 170 degrees"),
         (camera(1e6, 1e6), "field of view of 0.0367 degrees"),
         (camera(600.0, 200.0), "focal lengths 600 and 200 pixels"),
-        (camera(600.0, 600.0, (3000.0, 240.0)), "far outside of the image"),
+        (camera(600.0, 600.0, (3000.0, 240.0)), "far outside the image"),
         (camera(300.0, 300.0, k1=-8.0), "folds the image"),
     ],
 )

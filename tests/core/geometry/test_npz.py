@@ -120,7 +120,7 @@ def test_small_file_that_unpacks_to_much_takes_no_memory(tmp_path: Path) -> None
             archive.writestr(f"{number}.npy", _npy(shape=f"({5 << 20},)", data=bytes(40 << 20)))
     resource = pytest.importorskip("resource")  # not on Windows
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    with pytest.raises(FormatError, match="declares far more than it holds"):
+    with pytest.raises(FormatError, match="declares far more data than it holds"):
         read_arrays(tmp_path / "a.npz")
     assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 8 << 10
 
@@ -141,7 +141,7 @@ def _list_only(path: Path, members: int, declared: int, is_large: bool = False) 
 def test_a_list_of_many_members_takes_no_memory(tmp_path: Path, declared: int, is_large: bool) -> None:
     _list_only(tmp_path / "a.npz", 200_000, declared, is_large)
     tracemalloc.start()
-    with pytest.raises(FormatError, match=r"a\.npz: declares far more than it holds; export it again"):
+    with pytest.raises(FormatError, match=r"a\.npz: declares far more data than it holds; export it again"):
         read_arrays(tmp_path / "a.npz")
     _, most = tracemalloc.get_traced_memory()
     tracemalloc.stop()

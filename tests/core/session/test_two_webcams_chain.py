@@ -79,7 +79,7 @@ def test_walking_performer_becomes_a_walking_character(folder, shared_dir, walks
     assert solved["frames"] == LAST - FIRST
     assert solved["marker_rms_mm"] < 15.0
     (uneven,) = solved["warnings"]  # what webcams are like
-    assert "frames come unevenly" in uneven and "outputs have 30 per second" in uneven
+    assert "frames are unevenly spaced" in uneven and "outputs have 30 per second" in uneven
 
     take, subject, motion = read_take(take_file), load_subject(subject_file), read_motion(out)
     check_cameras(load_rig(level), take)

@@ -67,7 +67,7 @@ def test_readers_say_what_a_file_with_a_wrong_ending_is(tmp_path: Path, data: by
 
 def test_xml_of_another_program_is_no_calibration(tmp_path: Path) -> None:
     (tmp_path / "a.xml").write_text("<Calibration><Camera id='1'/></Calibration>")
-    with pytest.raises(PerfanimError, match=r"is XML of another program \(<Calibration>\)"):
+    with pytest.raises(PerfanimError, match=r"is another program's XML file \(<Calibration>\)"):
         load_rig(tmp_path / "a.xml")
 
 
