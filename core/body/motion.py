@@ -46,7 +46,7 @@ class Motion:
                 f"a motion of {len(self.skeleton)} joints cannot have arrays of shapes {shapes}", where=self.name
             )
         if not LEAST_FPS <= self.fps <= MOST_FPS:
-            raise FormatError(f"frame rate {self.fps:g} is not between {LEAST_FPS:g} and {MOST_FPS:g} Hz", where=self.name)
+            raise FormatError(f"frame rate {self.fps:g} is not {LEAST_FPS:g} to {MOST_FPS:g} Hz", where=self.name)
         squares = np.einsum("fji,fji->fj", self.rotations, self.rotations)
         if not (squares.min() > _LEAST_SQUARE and squares.max() < _MOST_SQUARE):  # false for NaN, too
             raise FormatError("a joint's rotation is not a unit quaternion", where=self.name)

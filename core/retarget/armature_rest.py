@@ -11,15 +11,15 @@ from .bone_tree import BoneTree
 
 @dataclass(frozen=True)
 class ArmatureRest(BoneTree):
-    """Bones at rest, parents first, in the armature's own space and unit.
+    """Bones at rest, parents first, in armature space.
 
     Args:
         tails: Ends (B, 3) of the bones.
         axes: Armature-from-bone rest rotations (B, 3, 3) (columns: the bone's axes).
         deform: Mask (B,) of bones that move vertices.
         inherits_rotation: Mask (B,) of bones that turn with their parent.
-        local_location: Mask (B,) of bones whose location is in their rest axes.
-        location_scales: Length (B,) in the armature of a bone's location of 1; scaled bones above it shorten this.
+        local_location: Mask (B,) of bones with Local Location, whose location is along their rest axes.
+        location_scales: Length (B,) in armature space of a bone's location of 1, which scaled ancestors change.
         connected: Mask (B,) of bones fixed to their parent's end, so that their location has no effect.
 
     Raises:

@@ -19,7 +19,7 @@ from .joint_matching import match_names, match_trunk
 from .limb_detection import Limbs, arm_joints, check_upright, cosine, find_limbs, leg_joints
 from .rest_alignment import up_and_left
 
-NEEDED = ("root", "lfemur", "rfemur", "lhumerus", "rhumerus")  # these show how the character stands
+NEEDED = ("root", "lfemur", "rfemur", "lhumerus", "rhumerus")  # these show the character's up and left directions
 EXPECTED = (
     *NEEDED, "ltibia", "rtibia", "lfoot", "rfoot", "lradius", "rradius", "thorax", "head",
 )  # fmt: skip
@@ -35,7 +35,7 @@ class MatchState(Enum):
 
 @dataclass(frozen=True)
 class JointMatch:
-    """Bone of one joint, "" if it is missing, and the reason for the user."""
+    """Bone of one joint, "" if it is missing, its state, and the reason for the state in words."""
 
     bone: str
     state: MatchState
@@ -95,7 +95,7 @@ def find_bone_map(rest: ArmatureRest, presets: Mapping[str, Mapping[str, str]] |
     missing = [joint for joint in NEEDED if joint not in found and joint != "root"]
     if missing:
         raise CharacterError(
-            "no biped is recognised: neither names nor shape reveal " + _listed(missing),
+            "the armature is not recognised as a biped: neither names nor shape reveal " + _listed(missing),
             advice="choose these bones by hand, or another armature",
         )
     _shift_if_named_by_ends(rest, found)
@@ -127,7 +127,7 @@ def checked_map(rest: ArmatureRest, bones: Mapping[str, str], origin: str, swapp
         elif joint in suspect:
             matches[joint] = JointMatch(bones[joint], MatchState.SUSPECT, suspect[joint])
         else:
-            side = "named for the other side; its feet show which way it faces" if swapped and joint[0] in "lr" else ""
+            side = "named for the other side, but the feet show the front" if swapped and joint[0] in "lr" else ""
             matches[joint] = JointMatch(bones[joint], MatchState.MAPPED, side if joint[1:] in LIMB_WORDS else "")
     return BoneMap(matches, origin)
 
@@ -169,7 +169,7 @@ def _shift_if_named_by_ends(rest: ArmatureRest, found: dict[str, int]) -> None:
     chains: tuple[tuple[str, ...], ...] = (("femur", "tibia", "foot", "toes"), ("humerus", "radius", "hand", "fingers"))
     for chain in chains:
         starts = [rest.heads[found[side + chain[0]]] for side in "lr"]
-        if float(np.linalg.norm(starts[0] - starts[1])) > 0.02 * size:  # not at the same position
+        if float(np.linalg.norm(starts[0] - starts[1])) > 0.02 * size:  # the limbs start apart, as they should
             continue
         for side in "lr":
             bones = [found.get(side + joint, -1) for joint in chain] + [-1]
@@ -205,7 +205,7 @@ def _swap_sides_if_backwards(rest: ArmatureRest, found: dict[str, int]) -> bool:
 def _check_biped(rest: ArmatureRest, found: Mapping[str, int]) -> None:
     up, left = up_and_left(rest.heads, found)
     if float(np.linalg.norm(up)) < 1e-9 or float(np.linalg.norm(np.cross(left, up))) < 1e-9:
-        raise CharacterError("shoulders and hips are at the same place", advice="check the chosen bones")
+        raise CharacterError("shoulders and hips are at the same position", advice="check the chosen bones")
     ways = []
     for side in "lr":
         end = next((found[side + joint] for joint in ("foot", "tibia") if side + joint in found), -1)
@@ -229,7 +229,7 @@ def _suspect_joints(rest: ArmatureRest, found: Mapping[str, int], uneven: float 
             given = [joint for joint in given if joint in found]
             for upper, lower in pairwise(given):
                 if not rest.is_above(found[upper], found[lower]) and rest.deform[found[lower]]:
-                    suspect[lower] = f"is not below {rest.names[found[upper]]}"
+                    suspect[lower] = f"is not below {rest.names[found[upper]]} in the hierarchy"
     used: dict[int, str] = {}
     for joint, bone in found.items():
         if bone in used:
@@ -250,13 +250,13 @@ def _suspect_joints(rest: ArmatureRest, found: Mapping[str, int], uneven: float 
             across = rest.heads[found["l" + joint]] - rest.heads[found["r" + joint]]
             if float(across @ left) < 0.0:
                 for side in "lr":
-                    suspect.setdefault(side + joint, "is on the other side")
+                    suspect.setdefault(side + joint, "is on the other side of the body")
     return suspect
 
 
 def _why_missing(joint: str, found: Mapping[str, int]) -> str:
     if joint in ("lowerback", "upperback", "lowerneck", "upperneck"):
-        return "the rig has fewer bones here, which take its rotation"
+        return "the armature has fewer bones here; they take the joint's rotation"
     if joint[1:] == "wrist":
-        return "forearm and hand take its rotation"
+        return "forearm and hand take the joint's rotation"
     return "no bone found"

@@ -26,10 +26,10 @@ _ENDING = ".toml"
 
 @dataclass(frozen=True)
 class _BoneMap:
-    """A bone map as in a file."""
+    """Bone map in a file."""
 
     joints: Annotated[Mapping[str, str], About("bone of each joint", least=1)]
-    name: Annotated[str, About("name for people")] = ""
+    name: Annotated[str, About("name shown to people")] = ""
 
 
 BONE_MAP = Schema(
@@ -37,7 +37,7 @@ BONE_MAP = Schema(
     "Bone map",
     "Which bone of a character moves with which joint. Joints: " + ", ".join(f"`{name}`" for name in JOINT_NAMES) + ".",
     FormatError,
-    'give a file with a table [joints]: root = "Hips"',
+    'use a file with a table [joints], with lines such as root = "Hips"',
 )
 
 
@@ -49,7 +49,7 @@ def read_bone_map(path: Path | str) -> dict[str, str]:
         raise FormatError(
             "has unknown joints: " + ", ".join(unknown[:6]),
             where=str(path),
-            advice="joints are called " + ", ".join(JOINT_NAMES),
+            advice="use the names " + ", ".join(JOINT_NAMES),
         )
     return {joint: joints[joint] for joint in JOINT_NAMES if joint in joints}
 

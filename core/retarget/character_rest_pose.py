@@ -24,12 +24,12 @@ _HAND_ABOVE = ("hand", "wrist", "radius")  # joints that fingers and thumb follo
 
 @dataclass(frozen=True)
 class RestAlignment:
-    """A character's rest pose in our axes.
+    """A character's rest pose in world axes, with the performer's leg length.
 
     Args:
         armature_from_world: Rotation (3, 3).
         units_per_metre: Armature units per metre of the performer, from the lengths of the legs.
-        heads_m: Bone heads (B, 3) in our axes, in the performer's metres.
+        heads_m: Bone heads (B, 3) in world axes, in the performer's metres.
         turns: Joint -> rotation (4,) of its bone from the character's rest pose to the standard one.
     """
 
@@ -45,7 +45,7 @@ def align_character(
     """Return the alignment of a character's rest pose with the standard one.
 
     Args:
-        joints: Joint -> bone index, with hips, thighs and upper arms at least.
+        joints: Joint -> bone index, at least for hips, thighs and upper arms.
         same_body: The character has the performer's proportions: hands follow the forearms, feet keep their direction.
 
     Raises:
@@ -68,7 +68,7 @@ def _leg_lengths(skeleton: Skeleton, rest: ArmatureRest, joints: Mapping[str, in
             character += float(np.linalg.norm(rest.heads[joints[side + lower]] - rest.heads[joints[side + upper]]))
             own += float(np.linalg.norm(skeleton.offsets_m[skeleton.index(side + lower)]))
     if character <= 0.0 or own <= 0.0:
-        raise CharacterError("the legs have no length", advice="check the bones of shins and feet")
+        raise CharacterError("the legs have no length", advice="check the bones chosen for shins and feet")
     return character / own
 
 
@@ -119,7 +119,7 @@ def bone_direction(
 
 
 def _heading(skeleton: Skeleton, joints: Mapping[str, int], heads: Array, side: str) -> Array:
-    """Return the rotation about the vertical to the direction of the performer's foot."""
+    """Return the rotation about the vertical from the character's to the performer's foot direction."""
     if side + "toes" not in joints:
         return rot.identity()
     way = heads[joints[side + "toes"]] - heads[joints[side + "foot"]]

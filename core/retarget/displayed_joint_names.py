@@ -18,9 +18,9 @@ NAMINGS: dict[str, dict[str, str]] = {
 
 
 def naming_of(name: str) -> dict[str, str]:
-    """Return joint -> name in a naming; SettingsError if the naming is unknown."""
+    """Return joint -> name in a naming scheme; SettingsError if the scheme is unknown."""
     if name not in NAMINGS:
-        raise SettingsError(f"there is no naming {name!r}", advice="namings: " + ", ".join(NAMINGS))
+        raise SettingsError(f"there is no naming scheme {name!r}", advice="choose one of " + ", ".join(NAMINGS))
     return NAMINGS[name]
 
 

@@ -18,7 +18,7 @@ _FINGERS = ("index", "middle", "ring", "pinky", "little")
 
 @dataclass(frozen=True)
 class DrivenBone:
-    """A bone, the two joints that turn it, and its position between them."""
+    """A bone, the two joints that turn it, its position between them (0 to 1), and its rest-pose alignment."""
 
     bone: int
     first: int
@@ -74,7 +74,7 @@ def _neighbour_names(name: str) -> list[str]:
 
 
 def driven_ancestors(rest: ArmatureRest, order: Sequence[int], ancestors: IntArray | None) -> IntArray:
-    """Return for each driven bone the index of the one that turns it, or -1 if none does."""
+    """Return for each driven bone the index of the driven bone that it follows, or -1 if there is none."""
     place = {bone: index for index, bone in enumerate(order)}
     follows = np.where(rest.inherits_rotation, rest.parents, -1) if ancestors is None else ancestors
     found = []

@@ -42,17 +42,17 @@ def _match(names: tuple[str, ...], parents: bytes, offsets_m: bytes) -> dict[str
         raise SkeletonError(f"two joints are called {repeated[-1]!r}, and their sides are not named", advice=advice)
     if missing:
         raise SkeletonError(
-            "the file has no joint for " + ", ".join(missing), advice="joints of the file: " + ", ".join(names[:30])
+            "the file has no joint for " + ", ".join(missing), advice="rename its joints: " + ", ".join(names[:30])
         )
     if not match_trunk(tree, found):
-        raise SkeletonError("its arms and legs have no common parent joint")
+        raise SkeletonError("its arms and legs have no common parent joint", advice="export the whole hierarchy")
     return {name: found[name] for name in JOINT_NAMES if name in found}
 
 
 def _with_sides(tree: BoneTree) -> BoneTree | None:
-    """Return joints whose names come in pairs, with sides found from their positions; None if these are unclear.
+    """Return the tree with sides in the names of paired joints, found from their positions; None if they are unclear.
 
-    The toes show where the front is.
+    The toes point to the front.
     """
     pairs = [(tree.index[name], tree.index[f"{name}_2"]) for name in tree.names if f"{name}_2" in tree.index]
     toes = [pair for pair in pairs if parse_bone_name(tree.names[pair[0]]).words in LIMB_WORDS["toes"]]

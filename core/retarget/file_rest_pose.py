@@ -72,9 +72,9 @@ def align_rest(source: SourceMotion, found: Mapping[str, int]) -> dict[str, Arra
     if _is_body(positions[0], found):
         return _from_pose(positions[0], world[0], found)
     raise SkeletonError(
-        "has no rest pose of a standing body and follows no known convention of axes",
+        "its rest pose is not a standing body, and its joint axes follow no known convention",
         where=source.where,
-        advice="export it with a T pose as rest pose or as its first frame",
+        advice="export it with a T pose as the rest pose or the first frame",
     )
 
 
@@ -97,8 +97,8 @@ def _is_body(positions: Array, found: Mapping[str, int], least_height: float = 0
     """Return whether a pose is an upright body with its left side on the left.
 
     Args:
-        least_height: Height of the hips above the knees, and of the shoulders above the hips, relative to thigh and
-            trunk.
+        least_height: Smallest height of the hips above the knees, and of the shoulders above the hips, relative to the
+            length of thigh and trunk.
     """
     up, left, front = _body_axes(positions, found)
     if not np.all(np.isfinite(np.stack((up, left, front)))):

@@ -17,10 +17,10 @@ Pair = tuple[list[int], list[int]]
 class LimbSettings:
     """Proportions used to recognise limbs."""
 
-    shortest_limb: float = 0.2  # smallest length of a limb, part of the armature's greatest extent
+    shortest_limb: float = 0.2  # smallest length of a limb, fraction of the armature's greatest extent
     unequal: float = 0.15  # largest relative difference in length of the chains of a pair
-    apart: float = 0.05  # smallest distance between the ends of a pair, part of the greatest extent
-    short_bone: float = 0.12  # part of a limb's length below which bones at its start belong to pelvis or shoulder
+    apart: float = 0.05  # smallest distance between the ends of a pair, fraction of the greatest extent
+    short_bone: float = 0.12  # fraction of a limb's length below which bones at its start belong to pelvis or shoulder
     foot_cosine: float = np.cos(np.radians(35.0))  # largest cosine between leg and foot
     upright_cosine: float = np.cos(np.radians(50.0))  # smallest cosine between trunk and legs
 
@@ -98,12 +98,12 @@ def check_upright(score: float) -> None:
     """Raise CharacterError unless the trunk continues the line of the legs.
 
     Args:
-        score: Cosine between them.
+        score: Cosine of the angle between trunk and legs.
     """
     if score < _SETTINGS.upright_cosine:
         angle = np.degrees(np.arccos(np.clip(score, -1.0, 1.0)))
         raise CharacterError(
-            f"the armature is not a biped: its trunk leans {angle:.0f} degrees from its legs, as on four feet",
+            f"the armature is not a biped: its trunk leans {angle:.0f} degrees from its legs, like a quadruped's",
             advice="choose a character that stands on two legs in its rest pose",
         )
 
@@ -136,7 +136,7 @@ def _by_side(rest: ArmatureRest, pair: Pair, left: Array) -> dict[str, list[int]
 
 
 def leg_joints(rest: ArmatureRest, chain: list[int]) -> dict[str, int]:
-    """Return femur, tibia, foot and toes of a leg's chain, as far as it has them."""
+    """Return femur, tibia, foot and toes of a leg's chain, as far as the chain has them."""
     chain = _without_short_start(rest, chain)
     down = rest.heads[chain[-1]] - rest.heads[chain[0]]
     ankle = _evenly_bent(rest, chain)

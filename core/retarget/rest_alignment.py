@@ -61,7 +61,7 @@ def limb_turns(
 
 
 def up_and_left(heads: Array, joints: Mapping[str, int]) -> tuple[Array, Array]:
-    """Return the directions from hips to shoulders and to the left, as long as the body."""
+    """Return vectors from the hips to the shoulders and from right to left, in the unit of the positions."""
     thighs, arms = (heads[[joints["l" + name], joints["r" + name]]] for name in ("femur", "humerus"))
     return arms.mean(axis=0) - thighs.mean(axis=0), thighs[0] - thighs[1] + arms[0] - arms[1]
 
@@ -77,7 +77,8 @@ def facing(left: Array, up: Array, snap_rad: float = np.radians(25.0)) -> Array:
         CharacterError: The directions are parallel.
     """
     if np.linalg.norm(np.cross(left, up)) < 1e-6 * max(float(np.linalg.norm(up)), 1e-30):
-        raise CharacterError("left and right of the rest pose are unclear", advice="check names and positions of bones")
+        advice = "check the names and positions of the bones"
+        raise CharacterError("left and right of the rest pose are unclear", advice=advice)
     up, cosine = up / np.linalg.norm(up), np.cos(snap_rad)
     if np.max(np.abs(up)) > cosine:
         up = _nearest_axes(up)

@@ -40,8 +40,8 @@ class CharacterPose:
         rotations: Rotations (..., N, 4) of `RetargetPlan.bones` relative to the rest pose, as Blender defines them.
         locations: Locations (..., L, 3) of `RetargetPlan.located` relative to the rest pose. Blender ignores
             the location of connected hips, so their nearest unconnected ancestor is located instead.
-        object_rotation, object_location: Motion (..., 4) and (..., 3) of the object in its own space and the
-            armature's unit; None unless the object receives the root motion.
+        object_rotation, object_location: Rotation (..., 4) and location (..., 3) by which the object moves, in armature
+            space; None unless the object receives the root motion.
     """
 
     rotations: Array
@@ -72,11 +72,11 @@ class _RootBone:
 
 @dataclass(frozen=True)
 class _Carriers:
-    """Rest frames of the bones that move the character, in the armature's space.
+    """Rest frames of the bones that move the character, in armature space.
 
     Args:
         hips: Index of the hips among the driven bones.
-        mover_axes: Axes (3, 3) of the location of the bone that moves the hips, scaled by the length of its unit.
+        mover_axes: Matrix (3, 3) from a shift in armature space to the location of the bone that moves the hips.
         root: Root bone if it receives the root motion.
     """
 
@@ -127,8 +127,8 @@ def plan_retarget(
 
     Args:
         root_motion: Desired receiver; the root bone is the topmost bone above the hips.
-        ancestors: Bone (B,) that turns each bone, -1 for none, if constraints make it follow a bone other than its
-            parent.
+        ancestors: Bone (B,) that each bone follows, -1 for none; needed if constraints make a bone follow another one
+            than its parent.
         same_body: The character has the performer's proportions: no inverse kinematics, and hands and feet keep their
             directions.
 

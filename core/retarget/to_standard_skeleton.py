@@ -34,7 +34,8 @@ def _default() -> Skeleton:
 def to_standard_skeleton(source: SourceMotion) -> Motion:
     """Return the motion on the standard skeleton with the bone lengths of the file.
 
-    Files with the standard joints and hierarchy, under any names that we write, only have their joints reordered.
+    Files with the standard joints and hierarchy, under any of the joint names that exports use, only have their joints
+    reordered.
 
     Raises:
         SkeletonError: Needed joints are missing, or the rest pose is unknown.
@@ -84,7 +85,7 @@ def _reordered(source: SourceMotion) -> Motion:
 
 
 def _tips(offsets: Array, known: Mapping[str, Array]) -> Array:
-    """Return the ends of the bones: those known, else the child joint there."""
+    """Return the ends of the bones: the known ones, otherwise the child joints at their ends."""
     tips = _default().tips_m.copy()
     tips[0] = 0.0
     for joint, child in _bone_ends().items():
@@ -106,7 +107,7 @@ def _bone_ends() -> dict[int, int]:
 
 
 def _lies_along_z(source: SourceMotion, found: Mapping[str, int]) -> bool:
-    """Return whether the body stands along z: its median extent there, in 20 frames, is three times that along y."""
+    """Return whether the body is upright along z: its median extent there, in 20 frames, is three times that in y."""
     positions = source_positions(every_frame(source, -(-source.frames // 20)))
     head = found.get("head", found["lhumerus"])
     heights = positions[:, head] - 0.5 * (positions[:, found["ltibia"]] + positions[:, found["rtibia"]])
@@ -240,7 +241,7 @@ def _leaves() -> frozenset[int]:
 
 
 def _missing_between(name: str, found: Container[str]) -> list[str]:
-    """Return the missing joints between a joint and its nearest ancestor in the file, from above."""
+    """Return the missing joints between a joint and its nearest ancestor in the file, the topmost first."""
     default = _default()
     missing: list[str] = []
     joint = int(default.parents[default.index(name)])

@@ -1,8 +1,8 @@
 """Motion between the keys, composed of the chosen windows of the database.
 
-Each window's motion is corrected with its neighbours: a ridge regression over near windows relates the change of poses
-to the controls' positions. All windows decide when a keyed foot stands, each weighted by the distance of its foot from
-the keys, because a single window often steps at another time. Windows are then blended where stretches meet.
+Each window's motion is corrected by a ridge regression over similar windows, which relates changes of the poses to the
+controls' positions. All windows together decide when a keyed foot is planted, weighted by how near their foot is to the
+keys, because a single window often steps at another time. Windows are then blended where stretches meet.
 """
 
 from collections.abc import Sequence
@@ -19,16 +19,16 @@ from .retrieval import Samples, Stretch, Windows, shown_at
 
 @dataclass(frozen=True)
 class BaseMotionSettings:
-    """Settings of the regression, and of the weights with which windows decide when a foot stands."""
+    """Settings of the regression, and of the weights with which windows decide when a foot is planted."""
 
     closest: int = 32  # number of windows in the regression
-    sigma_m: float = 0.05  # standard deviation at a control
+    sigma_m: float = 0.05  # standard deviation of a control's position
     farthest: float = 4.0  # largest distance for which the regression is trusted, in standard deviations
     frames: int = 5  # frames of a window at which bodies are compared
-    foot_sigma_m: float = 0.06  # standard deviation at a foot's keys
+    foot_sigma_m: float = 0.06  # standard deviation of a foot's position at its keys
     root_weight: float = 0.6  # weight of the root relative to the foot itself
     other_foot_weight: float = 0.4  # weight of the other foot relative to the foot itself
-    height_scale: float = 3.0  # weight of heights, which show more reliably whether a foot stands
+    height_scale: float = 3.0  # factor of height errors, because heights show more reliably whether a foot is planted
 
 
 SETTINGS = BaseMotionSettings()
@@ -42,7 +42,7 @@ class BaseMotion:
         poses: Rotation vectors (F, 28, 3).
         root_rotations: Quaternions (F, 4).
         root_positions_m: Positions (F, 3).
-        standing: Shares (F, 2) of examples in which the left and the right toes stand.
+        standing: Fractions (F, 2) of the examples in which the left and the right toes are planted.
         drawn_from: Names of the clips used, in order of time.
     """
 
@@ -90,7 +90,7 @@ def blended(parts: Sequence[tuple[Stretch, BaseMotion]], times_s: Array) -> Base
     for stretch, part in parts:
         inside = np.flatnonzero(stretch.shows(times_s))
         weights = _weights(stretch, times_s[inside], float(times_s[-1]))[:, None]
-        # the nearer of the two quaternions of a rotation
+        # q and -q are the same rotation: add the one nearer to the sum so far
         same = np.where(np.sum(part.root_rotations * turns[inside], axis=1, keepdims=True) < 0.0, -1.0, 1.0)
         poses[inside] += weights[:, :, None] * part.poses
         turns[inside] += weights * same * part.root_rotations
@@ -102,7 +102,7 @@ def blended(parts: Sequence[tuple[Stretch, BaseMotion]], times_s: Array) -> Base
 
 
 def _weights(stretch: Stretch, times_s: Array, end_s: float) -> Array:
-    """Return the weights (T,) of a window, which fall beyond its joins, but not to zero."""
+    """Return the weights (T,) of a window, which fade out around its joins, but not to zero."""
     f, fade_s = np.ones(len(times_s)), 2.0 * RETRIEVAL.context_s
     if stretch.first_s > 1e-9:
         f = np.minimum(f, (times_s - stretch.before_s) / fade_s)
@@ -115,10 +115,10 @@ def _weights(stretch: Stretch, times_s: Array, end_s: float) -> Array:
 def corrected(
     library: MotionLibrary, near: Samples, stretch: Stretch, windows: Windows, index: int, times_s: Array
 ) -> BaseMotion:
-    """Return the motion of a window, changed as its neighbours suggest so that it meets the controls.
+    """Return the motion of a window, changed by regression over similar windows so that it meets the controls.
 
     Args:
-        near: Samples in the time of the stretch and its context.
+        near: Samples within the stretch and its context.
         times_s: Times (T,) that the stretch covers.
     """
     relative_s = times_s - stretch.first_s
@@ -164,7 +164,7 @@ def corrected(
 
 
 def _foot_weights(library: MotionLibrary, near: Samples, stretch: Stretch, windows: Windows, foot: int) -> Array | None:
-    """Return the weights (K,) of windows for a foot (0 left, 1 right), or None if it has no keys."""
+    """Return the weights (K,) of windows for a foot (0 left, 1 right), or None if the foot has no keys."""
     own, other = ([library.columns[side + name] for name in ("foot", "toes")] for side in ("lr"[foot], "rl"[foot]))
     importance = np.zeros(len(library.joints))
     importance[own], importance[other] = 1.0, SETTINGS.other_foot_weight

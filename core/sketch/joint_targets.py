@@ -1,8 +1,8 @@
-"""Targets for a body's joints in every frame: they meet the keys and hold standing feet.
+"""Targets for a body's joints in every frame: they meet the keys and keep planted feet in place.
 
 A joint's target is its position in the database's motion plus a displacement. At a key the displacement leads to the
-key; while a foot stands it keeps the toes in place; in between it changes smoothly. Before its first key and after its
-last one a control keeps that key's displacement, but loosely, because keys of other controls are binding there.
+key; while a foot is planted it keeps the toes in place; in between it changes smoothly. Before its first key and after
+its last one a control keeps that key's displacement, but loosely, because keys of other controls are binding there.
 """
 
 from dataclasses import dataclass
@@ -29,15 +29,16 @@ class TargetSettings:
 
     key_sigma_m: float = 0.001
     free_sigma_m: float = 0.03  # joint that neither a key nor a contact holds
-    standing_sigmas_m: tuple[float, float] = (0.004, 0.002)  # ankle and toes of a standing foot between its keys
+    standing_sigmas_m: tuple[float, float] = (0.004, 0.002)  # ankle and toes of a planted foot between its keys
     stepping_sigma_m: float = 0.006  # stepping foot between its keys
-    grip_s: float = 0.03  # sigma for smoothing a foot's hold, as a sudden one would shake the body
-    steadied_s: float = 0.02  # sigma for smoothing the share of examples that stand
+    grip_s: float = 0.03  # sigma for smoothing the targets' standard deviations: a sudden contact would shake the body
+    steadied_s: float = 0.02  # sigma for smoothing the fraction of examples in which a foot is planted
     loosened_s: float = 0.3  # time in which a control becomes loose before its first key and after its last
-    turned_m: tuple[float, float] = (0.25, 0.5)  # distances of controls at which the root begins to turn, turns fully
+    # distances of the controls from the database's motion at which the root begins to turn, and turns fully
+    turned_m: tuple[float, float] = (0.25, 0.5)
     limbs_m: float = 0.15  # distance to the targets that is left to the limbs when the root is moved
-    bent_m: float = 0.15  # distance of a key from the motion at which the motion hardly affects the way to the next
-    lowest_hips_m: float = 0.2  # a crouch; with lower hips, feet would stand below the floor
+    bent_m: float = 0.15  # distance of a key from the database's motion that halves the motion's effect around the key
+    lowest_hips_m: float = 0.2  # height of the hips in a deep crouch; below it, feet without keys follow the hips
 
 
 SETTINGS = TargetSettings()
@@ -72,7 +73,7 @@ def targets_of(
 
     Args:
         base_m: Positions (F, M, 3) of the `target_joints` in the database's motion.
-        standing: Shares (F, 2) of examples in which the left and the right toes stand.
+        standing: Fractions (F, 2) of the examples in which the left and the right toes are planted.
     """
     frames, joints = sketch.frames, target_joints(sketch)
     controls = {control.joint: control for control in sketch.controls}
@@ -124,7 +125,7 @@ def carried_root(
     """Return root rotations (F, 4) and positions (F, 3) of the database's motion, moved towards distant targets.
 
     Args:
-        controls: Number of keyed targets.
+        controls: Number of targets that are controls; they come first.
         base_m: Positions (F, M, 3) of the joints in the database's motion.
         rotations: Root rotations (F, 4) of that motion.
         root_m: Root positions (F, 3) of that motion.
@@ -159,7 +160,7 @@ def _control_targets(control: Control, frames: Array, base_m: Array, follow: flo
     binds = np.array([1.0, 0.0 if control.height_is_free else 1.0, 1.0])
     away_m = binds * (positions_m - base_m[(keyed - frames[0]).astype(np.int64)])
     bent = base_m + curve_positions(keyed, away_m, frames)
-    # motion far from the keys does not show the path between them: it may stand up between two crouches
+    # motion far from the keys is no guide to the path between them: it may stand up between two crouches
     kept = np.interp(frames, keyed, 1.0 / (1.0 + (np.sum(away_m**2, axis=1) / SETTINGS.bent_m**2) ** 2))[:, None]
     between = (frames >= keyed[0]) & (frames <= keyed[-1])
     share = 1.0 - (1.0 - follow**2) * kept

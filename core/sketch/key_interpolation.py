@@ -25,7 +25,7 @@ def key_slopes(times: Array, values: Array) -> Array:
         return np.zeros(len(times))
     spans = np.diff(times)
     secants = np.diff(values) / spans
-    # a handle of a third of the span reaches the next value at three times the secant; at an extreme it is flat
+    # at three times the secant's slope a handle reaches the value of the next key; at an extreme handles are flat
     limits = np.sign(secants[1:]) * 3.0 * np.minimum(abs(secants[:-1]), abs(secants[1:]))
     limits[secants[:-1] * secants[1:] <= 0.0] = 0.0
     lowest, highest = np.minimum(limits, 0.0), np.maximum(limits, 0.0)

@@ -35,8 +35,8 @@ class LibrarySettings:
 
     search_fps: float = 30.0  # rate of the frames at which a window may start
     lowest_percent: float = 5.0  # percentile of a clip's heights that counts as floor: single frames are noisy
-    low_m: float = 0.05  # largest height of a standing foot above that floor; of still toes above their lowest nearby
-    standing_m_s: float = 0.35  # largest speed of a standing foot
+    low_m: float = 0.05  # largest height of planted toes above that floor, and of still toes above their lowest nearby
+    standing_m_s: float = 0.35  # largest horizontal speed of planted toes
     still_m_s: float = 0.25  # largest speed of still toes
     steady_s: float = 0.1  # shortest contact
     chunk: int = 1 << 15  # frames computed at once
@@ -51,10 +51,10 @@ class MotionLibrary:
     Args:
         skeleton: Standard skeleton of the character; root positions are scaled to its legs.
         joints: Joints to locate in addition to `BODY`.
-        behaviours: Patterns for behaviours or clip names to draw from; empty for all.
+        behaviours: Patterns of behaviours or names of the clips to draw from; empty for all.
 
     Raises:
-        SettingsError: No clip matches such a behaviour.
+        SettingsError: No clip matches any of the patterns.
         DatabaseError: The database is damaged.
     """
 
@@ -98,7 +98,7 @@ class MotionLibrary:
             self.heights_m[part] -= self._floors_m[index]
 
     def _contacts(self) -> tuple[Mask, Mask]:
-        """Return masks (F, 2) of the frames in which the left and the right toes stand and are still."""
+        """Return masks (F, 2) of the frames in which the left and the right toes are planted, and in which still."""
         toes = [self.columns[name] for name in TOES]
         result, still = np.zeros((2, self.database.frames, 2), dtype=np.bool_)
         size, second = 2 * round(SETTINGS.steady_s * self.fps / 2) + 1, 2 * round(self.fps) + 1
@@ -125,7 +125,7 @@ class MotionLibrary:
 
         Args:
             first: First frame of a window, relative to the returned frame.
-            last: Last frame of it, relative to the returned frame.
+            last: Last frame of a window, relative to the returned frame.
         """
         step = max(1, round(self.fps / SETTINGS.search_fps))
         found = [
@@ -176,7 +176,7 @@ def _usable_clips(database: Database, behaviours: Sequence[str]) -> Mask:
     if not any(fits):
         names = sorted({clip.behaviour for clip in database.clips})
         listed = ", ".join(names[:20]) + (", ..." if len(names) > 20 else "")
-        raise SettingsError(f"no clip has a behaviour {', '.join(behaviours)}", advice=f"behaviours: {listed}")
+        raise SettingsError(f"no clip has the behaviour {' or '.join(behaviours)}", advice=f"choose from {listed}")
     return np.array(fits)
 
 

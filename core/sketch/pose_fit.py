@@ -28,15 +28,15 @@ class PoseFitSettings:
     """Settings of the fit."""
 
     steps: int = 20  # most Gauss-Newton steps in one round
-    rounds: int = 3  # a frame with a tight target farther away than `near_m` is fitted again from its result
-    near_m: float = 0.01
+    rounds: int = 3  # most rounds; a frame that misses a tight target is fitted again from its result
+    near_m: float = 0.01  # distance from which a target is missed
     tight_m: float = 0.002  # standard deviation below which a target is tight
-    straight_rad: float = 0.02  # a step in which no joint turns more than this is the last
+    straight_rad: float = 0.02  # the iteration ends after a step in which no joint turns more than this
     marker_sigma_m: float = 0.0005
-    change_share: float = 0.1  # share of the database's covariance in a pose's covariance about its motion
+    change_share: float = 0.1  # factor of the database's covariance for a pose's covariance about its motion
     change_rad: float = 0.02  # additional standard deviation of each angle
     root_sigma: tuple[float, float] = (0.05, 0.015)  # m, rad; relative to the database's motion
-    limit_percentiles: tuple[float, float] = (0.5, 99.5)  # percentiles of the database's angles, for joint limits
+    limit_percentiles: tuple[float, float] = (0.5, 99.5)  # percentiles of the database's angles used as joint limits
     limit_margin_rad: float = 0.05  # margin by which these joint limits are widened
     most_beyond_rad: float = 0.35  # largest angle of a joint beyond its limits
     samples: int = 4000  # database frames used to estimate covariance and limits
@@ -81,7 +81,7 @@ class PoseFit:
         )
 
     def fit(self, poses: Array, roots: RootPose, points_m: Array, sigmas_m: Array) -> tuple[Array, RootPose]:
-        """Return poses (F, 28, 3) and roots (F) that meet targets, near the given ones.
+        """Return poses (F, 28, 3) and roots (F) that meet targets and stay near the given poses and roots.
 
         Args:
             points_m: Targets (F, M, 3) in world axes.
@@ -93,7 +93,7 @@ class PoseFit:
         limits = np.stack((np.minimum(self._limits[0], flat), np.maximum(self._limits[1], flat)), axis=1)
         flat, left = flat.copy(), np.arange(len(flat))
         for number in range(settings.rounds + 1):
-            if number == settings.rounds:  # stuck: start once more from the nearest frame that is not
+            if number == settings.rounds:  # frames that are stuck start once more from the nearest that is not
                 free = np.setdiff1d(np.arange(len(flat)), left)
                 if not len(free):
                     break

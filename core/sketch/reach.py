@@ -12,7 +12,7 @@ class Reach:
 
     Args:
         joints: Names (M) of the joints, the most binding first.
-        straightest: Share of its bones' total length that a limb reaches; limbs are never quite straight.
+        straightest: Largest fraction of its bones' total length that a limb spans; limbs are never quite straight.
     """
 
     def __init__(self, skeleton: Skeleton, joints: tuple[str, ...], straightest: float = 0.998) -> None:
@@ -32,10 +32,10 @@ class Reach:
         return float(self._reach_m[self._joints.index(joint), self._joints.index(other)])
 
     def yielding(self, points_m: Array, keyed: Mask) -> Array:
-        """Return controls (F, C, 3) that give way to keys of other controls between their own keys.
+        """Return controls (F, C, 3), each moved between its own keys so that the keys of the others stay within reach.
 
         Args:
-            keyed: Frames (F, C) in which each control has a key.
+            keyed: Mask (F, C) of the frames in which each control has a key.
         """
         result = points_m.copy()
         for joint in range(keyed.shape[1]):

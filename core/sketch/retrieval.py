@@ -32,19 +32,20 @@ class RetrievalSettings:
     context_s: float = 0.2  # time beyond a stretch that is also compared, and blended with the neighbours
     stretch_s: tuple[float, float] = (0.2, 0.55)  # shortest and longest stretch
     curve_step_s: float = 0.12  # interval between two samples of a curve
-    curve_weights: tuple[float, float] = (0.01, 0.15)  # weight of a sample without and with full `follow`
-    foot_curve: float = 0.1  # share of that weight for feet, because they stand and step where a curve glides
-    outside_weight: float = 0.001  # weight of a sample outside a control's keys: it only decides if nothing else does
+    curve_weights: tuple[float, float] = (0.01, 0.15)  # weights of a sample for a `follow` of 0 and of 1
+    foot_curve: float = 0.1  # factor of that weight for feet, which are planted and step where a curve glides
+    outside_weight: float = 0.001  # weight of a sample before or after a control's keys: a tie-breaker
     candidates: int = 48  # windows per stretch from which dynamic programming chooses
     neighbours: int = 160  # windows per stretch that are kept
     apart_s: float = 0.1  # shortest interval between the starts of two windows from one clip
-    join_weight: float = 0.5  # weight of the change where windows join (m2)
+    join_weight: float = 0.5  # weight of the body's mean squared change where windows join
     velocity_s: float = 0.15  # time by which a change of velocity is multiplied to compare it with a distance
     same_m: float = 0.002  # samples that moved less (m or s) count as unchanged
     most_same_m: float = 0.01  # upper limit of this distance for samples with a small weight
-    forwards_weight: float = 0.3  # cost of moving backwards (sideways half) if no control shows the heading, m2 per m2
+    # cost of moving backwards if no control shows the heading, half of it for moving sideways, m2 per m2
+    forwards_weight: float = 0.3
     hanging_weight: float = 0.02  # cost of hands without a control above their hanging height, m2 per m2
-    taken_s: float = 0.5  # shortest interval between the starts of one explanation and the next
+    taken_s: float = 0.5  # a variation uses no window that starts within this time of one used before
 
 
 SETTINGS = RetrievalSettings()
@@ -86,7 +87,7 @@ class Samples:
 
 @dataclass(frozen=True)
 class Stretch:
-    """Time between two joins, and with context, in seconds since the sketch's first frame."""
+    """Time between two joins (first to last) and with context (before to after), s since the sketch's first frame."""
 
     first_s: float
     last_s: float
@@ -117,7 +118,7 @@ class Windows:
     costs: Array
 
     def picked(self, which: IntArray) -> "Windows":
-        """Return the windows with some indices."""
+        """Return the windows with the given indices."""
         return Windows(*(values[which] for values in vars(self).values()))
 
 
@@ -172,7 +173,7 @@ def nearest_windows(library: MotionLibrary, near: Samples, stretch: Stretch) -> 
     """Return the windows nearest to the controls, spaced apart from each other.
 
     Args:
-        near: Samples in the time of the stretch and its context.
+        near: Samples within the stretch and its context.
 
     Raises:
         DatabaseError: No clip is long enough.
@@ -181,7 +182,7 @@ def nearest_windows(library: MotionLibrary, near: Samples, stretch: Stretch) -> 
     if not any(len(windows.starts) for windows in found):
         longest_s = stretch.after_s - stretch.before_s
         advice = "choose more behaviours, or build a database of longer clips"
-        raise DatabaseError(f"has no clip of {longest_s:.1f} s to draw from", advice=advice)
+        raise DatabaseError(f"has no usable clip of at least {longest_s:.1f} s", advice=advice)
     windows = Windows(*(np.concatenate(parts) for parts in zip(*(vars(f).values() for f in found), strict=True)))
     windows = replace(windows, costs=windows.costs + _unlikeliness(library, near, stretch, windows))
     order = np.argsort(windows.costs, kind="stable")[: 40 * SETTINGS.neighbours]
@@ -248,7 +249,7 @@ def choose_windows(
     """Return the index of the chosen window of each stretch (Viterbi 1967).
 
     Args:
-        variation: Number of better explanations to skip; each excludes the motion that it used.
+        variation: Number of better explanations to skip; the motion that they use is excluded.
     """
     allowed = [np.ones(len(windows.starts), dtype=np.bool_) for windows in candidates]
     chosen = _best_path(library, stretches, candidates, allowed)

@@ -50,11 +50,11 @@ class Control:
     joint: Annotated[str, About("joint of the standard skeleton")]
     frames: Annotated[Array, About("whole frame numbers, ascending; two may be equal", shape=(None,), fewest=1)]
     positions_m: Annotated[Array, About("world positions of the joint", "m", shape=(None, 3), fewest=1)]
-    # curve (S, 3) at each frame from the first key to the last; None for Blender's default curve
+    # drawn curve (S, 3) at each frame from the first key to the last; None for Blender's default curve
     drawn_m: Annotated[
-        Array | None, About("curve", "m"), Via(str, lambda text, _: unpacked(text).reshape(-1, 3), packed)
+        Array | None, About("drawn curve", "m"), Via(str, lambda text, _: unpacked(text).reshape(-1, 3), packed)
     ] = None
-    height_is_free: Annotated[bool, About("whether the height is that of the database's motion, not of the keys")] = (
+    height_is_free: Annotated[bool, About("whether the height comes from the database's motion, not from the keys")] = (
         False
     )
 
@@ -101,7 +101,7 @@ class Sketch:
 def upright_from(sketch: Sketch) -> Array | None:
     """Return the rotation (4,) that puts the hips of a sketch above its feet.
 
-    The result is None if they are upright already, or if the sketch does not control hips and feet.
+    The result is None if the body is upright already, or if the sketch does not control hips and feet.
     """
     means = {control.joint: control.positions_m.mean(axis=0) for control in sketch.controls}
     feet = [means[name] for name in FEET if name in means]
@@ -126,7 +126,7 @@ def read_sketch(path: Path | str) -> Sketch:
     """Return the sketch from a CSV file; its layout is described in the module.
 
     Raises:
-        FormatError: The file is not a sketch, or is damaged; names file and line.
+        FormatError: The file is not a sketch, or is damaged; the message names file and line.
     """
     where = str(path)
     text = decode_text(read_bytes(path), where, "sketch")
@@ -150,8 +150,8 @@ def read_sketch(path: Path | str) -> Sketch:
     sketch = Sketch(Path(path).stem, fps, tuple(controls))
     first, last = (pick(pick(control.frames) for control in controls) for pick in (min, max))
     if last - first >= LIMITS.most_frames:
-        message = f"has keys in frames {first:.0f} to {last:.0f}, {LIMITS.most_frames} frames at most"
-        raise FormatError(message, where=where)
+        message = f"has keys in frames {first:.0f} to {last:.0f}, but may span at most {LIMITS.most_frames} frames"
+        raise FormatError(message, where=where, advice="split the sketch")
     return sketch
 
 
@@ -160,7 +160,7 @@ def _key(line: str, where: str) -> tuple[str, list[float]]:
     try:
         cells = next(csv.reader([line]))
     except csv.Error as error:
-        raise FormatError(f"is not CSV ({error})", where=where) from error
+        raise FormatError(f"is not CSV ({error})", where=where, advice=_ADVICE) from error
     if len(cells) != len(_HEADER):
         raise FormatError(f"has {len(cells)} fields, not {len(_HEADER)}", where=where, advice=_ADVICE)
     joint = cells[0].strip()
@@ -168,10 +168,10 @@ def _key(line: str, where: str) -> tuple[str, list[float]]:
         raise FormatError(f"there is no joint {joint!r}", where=where, advice="joints: " + ", ".join(JOINT_NAMES))
     frame, *position = numbers_of(cells[1:], where)
     if not all(math.isfinite(value) for value in (frame, *position)) or frame != round(frame):
-        raise FormatError("lacks a whole frame or a position", where=where, advice=_ADVICE)
+        raise FormatError("needs a whole frame number and a finite position", where=where, advice=_ADVICE)
     if max(abs(value) for value in position) > LIMITS.farthest_m or abs(frame) > LIMITS.latest_frame:
-        message = f"lies beyond {LIMITS.farthest_m:g} m or {LIMITS.latest_frame:g} frames"
-        raise FormatError(message, where=where, advice="positions are in metres")
+        message = f"has a coordinate beyond {LIMITS.farthest_m:g} m or a frame beyond {LIMITS.latest_frame:g}"
+        raise FormatError(message, where=where, advice="give positions in metres")
     return joint, [frame, *position]
 
 
@@ -179,6 +179,6 @@ def _rate(comments: str, where: str) -> float:
     stated = re.search(r"fps\s*=\s*([0-9.eE+-]+)", comments)
     (fps,) = numbers_of([stated.group(1)], where) if stated else (math.nan,)
     if not LEAST_FPS <= fps <= MOST_FPS:
-        message = f"does not state a frame rate of {LEAST_FPS:g} to {MOST_FPS:g}"
+        message = f"does not state a frame rate of {LEAST_FPS:g} to {MOST_FPS:g} Hz"
         raise FormatError(message, where=where, advice=_ADVICE)
     return fps

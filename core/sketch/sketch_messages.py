@@ -24,7 +24,7 @@ class SolvedSketch:
 
     Args:
         number: Number of the answered request.
-        whole: False for the first picture after an edit, which is a single frame.
+        whole: False for the preview after an edit, which is a single frame.
         rotations: Parent-from-joint quaternions (F, J, 4) relative to rest; (0, J, 4) after an error.
         root_positions_m: Root positions (F, 3).
         unmet: Joint, frame, distance in metres and reason for each key that is not met.
@@ -48,7 +48,7 @@ def sketch_from(table: Mapping[str, Any]) -> Sketch:
         for control in sketch.controls:
             keys, frames = len(control.frames), int(np.ptp(control.frames)) + 1
             if len(control.positions_m) != keys or (control.drawn_m is not None and len(control.drawn_m) != frames):
-                raise ValueError(f"the control {control.joint} has {keys} keys in {frames} frames")
+                raise ValueError(f"the arrays of control {control.joint} do not fit its {keys} keys in {frames} frames")
         return sketch
 
 
@@ -58,7 +58,7 @@ def settings_from(table: Mapping[str, Any]) -> SketchSettings:
 
 
 def motion_table(motion: Motion, number: int) -> dict[str, Any]:
-    """Return the message with a first picture; arrays are float32 in base 64."""
+    """Return the message with a preview; arrays are float32 in base 64."""
     return {
         "number": number,
         "whole": False,

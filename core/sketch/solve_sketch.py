@@ -1,8 +1,8 @@
 """Solver of sketches: a whole body from a few keyframed controls.
 
 Keys are binding. Between them the database's motion is kept as far as they allow: `retrieval` finds it, `base_motion`
-blends it, `joint_targets` bends it to the keys and holds standing feet, and each frame's pose is fitted to its targets
-with the database's motion as prior. Joints without a control are free.
+blends it, `joint_targets` bends it to the keys and keeps planted feet in place, and each frame's pose is fitted to its
+targets with the database's motion as prior. Joints without a control are free.
 """
 
 from dataclasses import dataclass, field
@@ -31,7 +31,7 @@ from .sketch_file import Control, Sketch, tilted, upright_from
 class SolverLimits:
     """Limits of the solver."""
 
-    met_m: float = 0.005  # distance up to which a key is met
+    met_m: float = 0.005  # largest distance from a key that is met
     far_m: float = 0.2  # distance of the controls from the database's motion above which a lying body is tried upright
     together: int = 32  # frames fitted between two points at which an edit can interrupt the work
     unchanged: float = 1e-4  # m, rad; frames whose inputs change less are not solved again
@@ -51,7 +51,7 @@ class SketchSettings:
         tuple[str, ...], About("patterns of behaviours or names of the clips to draw from; empty for all")
     ] = ()
     variation: Annotated[int, About("0 is the best explanation, 1 the next best, and so on", "", 0)] = 0
-    hold_feet: Annotated[bool, About("whether standing feet are kept in place")] = True
+    hold_feet: Annotated[bool, About("whether planted feet are kept in place")] = True
 
     def __post_init__(self) -> None:
         check_ranges(self)
@@ -134,8 +134,8 @@ class _Solved:
 class SketchSolver:
     """Solves sketches of one character repeatedly while keys move.
 
-    It keeps the database's motion on the character, and the parts of the last solution that a moved key does not
-    affect.
+    The solver keeps the database's motion on the character, and the parts of the last solution that a moved key does
+    not affect.
     """
 
     def __init__(self, skeleton: Skeleton, database: Database) -> None:
@@ -170,7 +170,7 @@ class SketchSolver:
         return SketchSolution(motion, unmet, base.drawn_from, distances)
 
     def preview(self, sketch: Sketch, settings: SketchSettings, frame: float) -> Motion | None:
-        """Return a first picture for a moved key: one frame of the last motion, bent to the key.
+        """Return a preview for a moved key: one frame of the last motion, bent to the key.
 
         The result is None unless the last solution has the same controls and number of frames.
         """
@@ -291,5 +291,5 @@ def _reason(sketch: Sketch, control: Control, frame: float, reach: Reach) -> str
             continue
         away_m, most_m = float(np.linalg.norm(other.curve(at)[0] - place)), reach.between(control.joint, other.joint)
         if away_m > most_m:
-            return f"it is {away_m:.2f} m from {other.joint}, the body reaches {most_m:.2f} m"
-    return "the body does not bend so far"
+            return f"it is {away_m:.2f} m from {other.joint}, but the body reaches only {most_m:.2f} m"
+    return "the body does not bend that far"

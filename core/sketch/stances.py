@@ -1,9 +1,9 @@
-"""Stances: when and where the feet of a sketch stand.
+"""Stances: when and where the feet of a sketch are planted.
 
-A foot stands between two keys if one position of the toes explains both and its ankle turns about the toes. Between
-other keys it steps: for no longer than the distance needs, and when fewest of the database's examples stand. Otherwise
-it stands whenever enough of them do. Between keys more than a stride apart, and without keys, it steps when the
-database's motion does.
+A foot stays planted between two keys if one position of the toes explains both, with the ankle turning about the toes.
+Between other keys the foot steps: for no longer than the distance requires, and when the fewest of the database's
+examples are planted. Otherwise it is planted whenever enough examples are. Between keys more than a stride apart, and
+without keys, it steps when the database's motion does.
 """
 
 from dataclasses import dataclass
@@ -19,28 +19,28 @@ from .key_interpolation import curve_positions
 
 @dataclass(frozen=True)
 class StanceSettings:
-    """Settings for the stances."""
+    """Settings for the stances; the planted fraction is that of the examples in which the foot is planted."""
 
-    stands: float = 0.5  # smallest share of the examples that must stand for a foot to stand
-    may_stand: float = (
-        0.3  # smallest share between keys: of the largest there for a step, of all examples for one stance
-    )
-    most_stand: float = 0.7  # share above which the desired toes of one stance may differ more
+    stands: float = 0.5  # planted fraction above which a foot is planted
+    # between two keys: smallest planted fraction for one stance; relative to the largest there, where a step ends
+    may_stand: float = 0.3
+    most_stand: float = 0.7  # planted fraction from which the desired toes of one stance may differ more
     stayed_m: float = 0.04  # largest distance between two keys in one stance
-    stayed_m_s: float = 0.1  # largest speed that covers this distance between the keys
-    ankles_m: float = 0.1  # largest horizontal distance of the ankles in one stance on the toes
+    stayed_m_s: float = 0.1  # largest mean speed between two keys in one stance
+    ankles_m: float = 0.1  # largest horizontal distance between the ankles at two keys of a stance on the toes
     length_m: float = 0.015  # largest error of the foot's length in a stance
-    toes_m: tuple[float, float] = (0.03, 0.05)  # largest distance of the desired toes: usually; if most stand
+    # largest distance of the desired toes from those of the stance: usually, and from `most_stand` on
+    toes_m: tuple[float, float] = (0.03, 0.05)
     step_m_s: float = 2.0  # mean speed of a step
     shortest_step_s: float = 0.07
-    longest_step: float = 0.35  # share of the time between two keys, unless examples step for longer
-    fastest_m_s: float = 5.0  # speed from one stance to the next
+    longest_step: float = 0.35  # longest step, fraction of the time between two keys, unless examples step for longer
+    fastest_m_s: float = 5.0  # largest speed from one stance to the next
     stride_m: float = 0.6  # smallest distance between two keys that takes several steps
     stride_s: float = 1.2  # shortest time between two such keys
-    slow_m_s: float = 0.5  # a foot that stands between those steps is slower than this
+    slow_m_s: float = 0.5  # a foot that is planted between those steps is slower than this
     shortest_contact_s: float = 0.05  # shortest contact that counts
     contact_s: float = 0.13  # duration to which shorter contacts are extended, if they count
-    moving_s: float = 0.01  # share of examples that counts as much as a metre per frame when a step is placed
+    moving_s: float = 0.01  # planted fraction that counts as much as a metre per frame when a step is placed
     clear_m: float = 0.025  # height of the toes above the ground during a step
     lifted_s: float = 0.1  # time from lift-off until this height is reached
     lifted_m_s: float = 1.0  # speed from which this height is reached; slower feet stay lower
@@ -94,7 +94,7 @@ class Foot:
 
 @dataclass(frozen=True)
 class HeldFoot:
-    """Targets ankle_m and toes_m (F, 3) of a foot, and the frames (F,) in which it stands."""
+    """Targets ankle_m and toes_m (F, 3) of a foot, and a mask (F,) of the frames in which it is planted."""
 
     ankle_m: Array
     toes_m: Array
@@ -102,11 +102,11 @@ class HeldFoot:
 
 
 def held_foot(foot: Foot, share: Array, floor_m: float | None, fps: float) -> HeldFoot:
-    """Return a foot that stays in place while it stands and is lifted while it steps.
+    """Return a foot that stays in place while it is planted and is lifted while it steps.
 
     Args:
-        share: Shares (F,) of the database's examples in which it stands.
-        floor_m: Height of toes that stand on the floor, applied to those near it; None leaves them unchanged.
+        share: Fractions (F,) of the database's examples in which the foot is planted.
+        floor_m: Height of planted toes on the floor, given to toes planted near it; None leaves heights unchanged.
     """
     added, places = np.zeros((len(share), 6)), np.full_like(foot.toes_m, np.nan)  # added to the desired ankle and toes
     known = np.zeros(len(share), dtype=np.bool_)
@@ -117,7 +117,7 @@ def held_foot(foot: Foot, share: Array, floor_m: float | None, fps: float) -> He
         added[inside] = np.hstack((ankles - foot.wanted_ankle_m[inside], places[inside] - foot.wanted_toes_m[inside]))
         known[inside] = True
     if known.any():
-        # what contacts add fades out between them
+        # the corrections by contacts are interpolated between them
         added = curve_positions(np.flatnonzero(known).astype(np.float64), added[known], np.arange(float(len(share))))
     ankle_m, toes_m = foot.wanted_ankle_m + added[:, :3], foot.wanted_toes_m + added[:, 3:]
     up_m = lift_of(toes_m, places, foot.keyed, fps)[:, None] * np.array([0.0, 1.0, 0.0])
@@ -172,7 +172,7 @@ def toes_place(ankles_m: Array, toes_m: Array, lengths_m: Array) -> Array:
 
 
 def _toes_on_floor(foot: Foot, own: IntArray, inside: IntArray) -> Array:
-    """Return desired toes (K, 3) in frames of a stance, turned onto a floor nearby."""
+    """Return the desired toes (K, 3) in frames of a stance, turned about the ankles onto a floor nearby."""
     toes, ankles, lengths_m = foot.wanted_toes_m[own], foot.wanted_ankle_m[own], foot.length_m[own]
     way, low_m = toes - ankles, foot.toes_m[inside, 1].min()
     down_m, ahead_m = low_m - ankles[:, 1], np.hypot(way[:, 0], way[:, 2])
@@ -184,10 +184,10 @@ def _toes_on_floor(foot: Foot, own: IntArray, inside: IntArray) -> Array:
 
 
 def stances_of(foot: Foot, share: Array, fps: float) -> list[tuple[int, int]]:
-    """Return (first, stop) of each period in which a foot stands in one place.
+    """Return (first, stop) of each period in which a foot is planted in one place.
 
     Args:
-        share: Shares (F,) of the database's examples in which it stands.
+        share: Fractions (F,) of the database's examples in which the foot is planted.
     """
     stands, joint_m = share > SETTINGS.stands, foot.wanted_joint_m
     for first, last in pairwise(foot.keyed.tolist()):
@@ -215,7 +215,7 @@ def stances_of(foot: Foot, share: Array, fps: float) -> list[tuple[int, int]]:
 
 
 def _with_time_to_step(found: list[tuple[int, int]], toes_m: Array, share: Array, fps: float) -> list[tuple[int, int]]:
-    """Return stances, shortened if the next position is too far away for the time between."""
+    """Return the stances, shortened where the foot would move too fast from one to the next."""
     result, least = [list(each) for each in found], round(SETTINGS.contact_s * fps)
     places = [toes_m[first:stop].mean(axis=0) for first, stop in found]
     for (before, after), (place, then) in zip(pairwise(result), pairwise(places), strict=True):
@@ -232,7 +232,7 @@ def _with_time_to_step(found: list[tuple[int, int]], toes_m: Array, share: Array
 
 
 def _widened(share: Array, first: int, stop: int, least: int) -> tuple[int, int]:
-    """Return a stance with at least this many frames, extended where more examples stand."""
+    """Return a stance of at least this many frames, extended on the side where more examples are planted."""
     while stop - first < least:
         before = share[first - 1] if first > 0 else -1.0
         after = share[stop] if stop < len(share) else -1.0
@@ -243,10 +243,10 @@ def _widened(share: Array, first: int, stop: int, least: int) -> tuple[int, int]
 
 
 def _rests(foot: Foot, first: int, last: int, share: float, fps: float) -> bool:
-    """Return whether a foot may stand in one place between two keys.
+    """Return whether a foot may stay planted in one place between two keys.
 
     Args:
-        share: Mean share of the examples that stand there.
+        share: Mean fraction of the examples that are planted there.
     """
     ends, joint_m = np.array([first, last]), foot.wanted_joint_m
     way = joint_m[last] - joint_m[first]
@@ -262,13 +262,13 @@ def _rests(foot: Foot, first: int, last: int, share: float, fps: float) -> bool:
 
 
 def _step(share: Array, speeds_m: Array, shortest: int, least: float) -> tuple[int, int]:
-    """Return (begin, stop) of a step where fewest examples stand.
+    """Return (begin, stop) of a step, placed where the fewest examples are planted.
 
     Args:
-        share: Shares (N,) from one key to the next.
+        share: Fractions (N,) of the examples that are planted, from one key to the next.
         speeds_m: Distances (N,) that the toes move per frame.
         shortest: Fewest frames of the step.
-        least: Largest share at which the step continues.
+        least: Largest fraction at which the step continues.
     """
     if len(share) < 4:
         return 1, max(1, len(share) - 1)
@@ -287,7 +287,7 @@ def lift_of(toes_m: Array, places_m: Array, keyed: IntArray, fps: float) -> Arra
     """Return heights (F,) by which to lift toes (F, 3) above the floor while they step.
 
     Args:
-        places_m: Positions (F, 3) of standing toes, which show the floor; NaN elsewhere.
+        places_m: Positions (F, 3) of planted toes, which show the floor; NaN elsewhere.
         keyed: Frames (K,) that are not changed.
     """
     fixed = np.isfinite(places_m[:, 0])

@@ -66,7 +66,7 @@ def test_a_bad_sketch_does_not_stop_the_others(capsys, keys, body, database_file
     [
         ("walk.txt", (), "is not a motion file"),
         ("walk.bvh", ("--follow", "2"), "--follow must be a number from 0 to 1"),
-        ("walk.bvh", ("--behaviour", "swim"), "no clip has a behaviour swim"),
+        ("walk.bvh", ("--behaviour", "swim"), "no clip has the behaviour swim"),
     ],
 )
 def test_what_cannot_be_is_told_in_a_line(capsys, keys, body, database_file, tmp_path, out, more, message):

@@ -151,7 +151,7 @@ def test_four_legs_are_refused_with_the_reason() -> None:
 
 
 def test_a_lone_bone_is_refused() -> None:
-    with pytest.raises(CharacterError, match="no biped is recognised"):
+    with pytest.raises(CharacterError, match="the armature is not recognised as a biped"):
         find_bone_map(armature(["Bone"], [-1], np.zeros((1, 3)), np.random.default_rng(0)))
 
 

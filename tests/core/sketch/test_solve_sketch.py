@@ -139,7 +139,7 @@ def test_behaviours_and_variations_are_drawn_from_other_clips(solver, walk):
     assert next_best.key_distances_m.max() < LIMITS.met_m
     boxing = solver.solve(walk, SketchSettings(behaviours=("box*",)))
     assert all(name.startswith("boxing") for name in boxing.drawn_from)
-    with pytest.raises(SettingsError, match="no clip has a behaviour swim; behaviours: boxing"):
+    with pytest.raises(SettingsError, match="no clip has the behaviour swim; choose from boxing"):
         solver.solve(walk, SketchSettings(behaviours=("swim",)))
 
 
@@ -170,7 +170,7 @@ def test_a_hand_three_metres_from_the_hips_is_stretched_out_to_its_key(truth, so
     reach_m = Reach(truth.skeleton, ("root", "rhand")).between("root", "rhand")
     assert worst.joint == "rhand"
     assert worst.distance_m < 3.0 - reach_m + 0.2
-    assert worst.reason == f"it is 3.00 m from root, the body reaches {reach_m:.2f} m"
+    assert worst.reason == f"it is 3.00 m from root, but the body reaches only {reach_m:.2f} m"
     assert max((key.distance_m for key in others), default=0.0) < 0.1
     assert_sound(solution, database)
 
@@ -244,5 +244,5 @@ def test_a_first_picture_needs_a_last_solution(truth, database, walk):
 
 def test_clips_that_are_too_short_are_told(truth, database_of, tmp_path, walk):
     short = database_of(tmp_path / "short.pfdb", [sliced(truth, 0, 8), sliced(truth, 20, 28)])
-    with pytest.raises(DatabaseError, match=r"has no clip of \d\.\d s to draw from"):
+    with pytest.raises(DatabaseError, match=r"has no usable clip of at least \d\.\d s"):
         SketchSolver(truth.skeleton, short).solve(walk)
