@@ -1,7 +1,7 @@
 """Changes of a body: the sizes of its parts, and its markers' offsets.
 
-With fixed joint rotations the markers are linear in both (cf. O'Brien et al. 2000, where joint centres are linear in
-the same way).
+With fixed joint rotations, marker positions are linear in both (cf. O'Brien et al. 2000, where joint centres are linear
+in the same way).
 """
 
 from dataclasses import dataclass, replace
@@ -18,7 +18,7 @@ from ..markers.subject import Subject
 
 @dataclass(frozen=True)
 class ChangeSigmas:
-    """Usual standard deviations of changes."""
+    """Usual standard deviations of a body's changes."""
 
     size: float = 0.08  # relative size of the whole body
     part: float = 0.04  # additional relative size of a part
@@ -53,7 +53,10 @@ def observed_positions(take: MarkerTake, marker_set: MarkerSet) -> Array:
 
 
 def linear_model(rotations: Array, subject: Subject) -> tuple[Array, Array, Array]:
-    """Return derivatives with respect to part sizes and offsets (F, M, 3, ...), and the markers (F, M, 3)."""
+    """Return the markers' derivatives (F, M, 3, ...) with respect to part sizes and to marker offsets, and the markers.
+
+    The markers are (F, M, 3).
+    """
     skeleton, joints = subject.skeleton, subject.marker_set.joint_indices(subject.skeleton)
     positions, world = forward_kinematics(skeleton, rotations, np.zeros(3))
     parts = _part_of_joint(skeleton)

@@ -1,4 +1,4 @@
-"""What the markers of a solved take contradict: the bones of a skeleton that was given, the places of a marker set."""
+"""Contradictions between the markers of a solved take and a given skeleton's bones or a marker set's offsets."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -21,13 +21,13 @@ class ContradictionSettings:
     """Settings of the check."""
 
     frames: int = 60  # number of frames, spread over the take
-    share: float = 0.1  # relative change of a part's bones; right skeletons with usual marker places show up to 0.055
-    sigmas: float = 3.0  # largest change, in usual deviations of people: more comes of wrong labels
-    moved_m: float = 0.13  # distance from the usual place that no worn marker has: sound ones 0.08, wands 0.126
+    share: float = 0.1  # smallest relative change of a part's bones; correct skeletons reach 0.055
+    sigmas: float = 3.0  # largest change, in standard deviations among people; wrong labels cause larger ones
+    moved_m: float = 0.13  # no marker is worn this far from its usual position: 0.08 at most, on wands 0.126
 
 
 _S = ContradictionSettings()
-_LONG = ("thighs", "shanks", "arms")  # parts whose lengths few markers tell
+_LONG = ("thighs", "shanks", "arms")  # parts whose lengths a few markers determine
 
 
 def contradicted_bones(poses: Sequence[PerformerPose], subject: Subject) -> str:
@@ -81,4 +81,5 @@ def moved_markers(subject: Subject, usual: MarkerSet) -> dict[str, float]:
 def contradicted_places(moved_m: Mapping[str, float]) -> str:
     """Return in words which of the `moved_markers` cannot be where the take shows them, or ""."""
     far = [f"{name} is {1e3 * m:.0f} mm" for name, m in moved_m.items() if m > _S.moved_m]
-    return f"{', '.join(far)} away from its place on the body: check the label" if far else ""
+    labels = "the label" if len(far) == 1 else "these labels"
+    return f"{', '.join(far)} away from the usual position on the body: check {labels}" if far else ""

@@ -27,7 +27,7 @@ from .body_change import SIGMAS, linear_model, observed_positions, part_covarian
 from .keypoint_bones import sized_by_distances
 from .refine_body import refine_body
 
-_TORSO = 3  # markers that locate the root
+_TORSO = 3  # fewest torso markers that locate the root
 
 
 @dataclass(frozen=True)
@@ -35,13 +35,13 @@ class MotionFitSettings:
     """Settings of the fit to motion."""
 
     rounds: int = 4
-    most_frames: int = 300  # largest number of frames; more say little new about the body
+    most_frames: int = 300  # largest number of frames; more add little about the body
     stretches: int = 6  # number of stretches, one from each of equal parts of a take, for a variety of poses
     fewest_frames: int = 20
     large_m: float = 0.06  # median marker error above which frames are left out
-    large_sigmas: float = 3.0  # added to this, in standard deviations of the source's lasting errors
+    large_sigmas: float = 3.0  # added to `large_m`, in standard deviations of the source's lasting errors
     marker_sigma_m: float = 0.01  # marker relative to the modelled one: skin and solver
-    # shares of the usual deviations for keypoints: their distances gave the bones, and they lie near joints
+    # factors of the usual standard deviations for keypoints: their distances gave the bones, and they lie near joints
     keypoint_shares: tuple[float, float] = (0.1, 0.1)  # for sizes and for offsets
     independent_frames: float = 30.0  # weight of all frames together, because nearby frames repeat each other's errors
 
@@ -113,7 +113,7 @@ def _refusal(used: int, torso: Array, take: MarkerTake) -> SubjectError:
     shown = int(np.sum(np.sum(np.isfinite(torso[..., 0]), axis=1) >= _TORSO))
     needed = f"but at least {SETTINGS.fewest_frames} are needed"
     if shown < SETTINGS.fewest_frames:
-        what = f"only {shown} frames show {_TORSO} markers of the torso; the whole take has {take.frames}, {needed}"
+        what = f"only {shown} of {take.frames} frames show {_TORSO} torso markers, {needed}"
         advice = "record a longer take, or check these markers in the program that the take is from"
         return SubjectError(what, where=take.name, advice=advice)
     advice = "choose the marker set that was worn, or a database with such motion"

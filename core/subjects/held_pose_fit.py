@@ -33,13 +33,13 @@ class PoseFitSigmas:
     offset_m: float = 0.010  # marker relative to its usual offset
     unknown_offset_m: float = 0.030  # marker without a usual offset, relative to its joint
     least_direction_m: float = 1e-3  # smaller differences between prototypes are left out
-    side_share: float = 0.25  # share of the mixture by which a side differs from the whole body
+    side_share: float = 0.25  # mixture of one side alone, relative to that of the whole body
     places_m: tuple[tuple[str, float], ...] = (("femur", 0.008), ("humerus", 0.014))  # per axis, bodies of one size
-    lengths: tuple[tuple[str, float], ...] = (  # share of the length of the bone to the joint
+    lengths: tuple[tuple[str, float], ...] = (  # relative length of the bone that leads to the joint
         ("tibia", 0.04), ("foot", 0.04), ("radius", 0.05), ("wrist", 0.05), ("hand", 0.05),
     )  # fmt: skip
-    own_share: float = 0.5  # share of places and lengths by which a side differs from both
-    limbs_deg: tuple[tuple[str, float, str], ...] = (  # angles about axes
+    own_share: float = 0.5  # factor of `places_m` and `lengths` for one side alone
+    limbs_deg: tuple[tuple[str, float, str], ...] = (  # joint, angle, and the axes that the joint turns about
         ("humerus", 8.0, "xyz"), ("hand", 6.0, "yz"), ("femur", 6.0, "xyz"), ("foot", 4.0, "xyz"),
     )  # fmt: skip
     hinge_deg: float = 8.0  # elbows and knees
@@ -58,7 +58,7 @@ class BodyFit:
     Args:
         rotations: Local rotations (N, J, 4) of each pose.
         root_positions_m: Root positions (N, 3).
-        astray_rad: Angle between limb and pose at the limb's first joint, for each pose.
+        astray_rad: First joint of each limb -> its angle from the pose, for each pose.
         sigmas_m: Standard deviation (J,) of each joint's distance from its parent; 0 for a known body.
     """
 
@@ -184,7 +184,7 @@ class _HeldPose:
         return result
 
     def astray(self, angles_rad: Array, skeleton: Skeleton) -> dict[str, float]:
-        """Return the angle between the first joint of each limb and the pose."""
+        """Return first joint of each limb -> its angle from the pose."""
         vectors = np.tensordot(angles_rad, self.turns, 1)
         joints = [side + joint for side in "lr" for joint in ("humerus", "femur")]
         return {joint: float(np.linalg.norm(vectors[skeleton.index(joint)])) for joint in joints}
@@ -247,7 +247,7 @@ class _Fit:
         for held, points, pose in zip(self.held, self.points, self.poses, strict=True):
             seen = np.isfinite(points[:, 0])
             local = self._markers(held, np.zeros(len(held.turns)), skeleton, self.usual)[0]
-            # limbs may be held elsewhere: they only matter if the torso's markers lie nearly on a line
+            # limbs may be held differently, so they only matter if the torso's markers lie nearly on a line
             matrix, values[pose.stop - 3 : pose.stop] = kabsch(
                 local[seen], points[seen], np.where(self.torso, 1.0, 0.05)[seen]
             )

@@ -1,7 +1,7 @@
 """Bone lengths from the distances between keypoints at joints.
 
 Poses solved with wrong bones absorb the errors of keypoints, which are as large as those of the bones. The distance
-between the ends of a bone does not need a pose. Left and right bones are equal, and most frames count the same.
+between the ends of a bone needs no pose; its median over the frames is used. Left and right bones are assumed equal.
 """
 
 from dataclasses import dataclass, replace
@@ -20,7 +20,7 @@ class KeypointBoneSettings:
     """Settings of `sized_by_distances`."""
 
     at_joint_m: float = 0.02  # largest usual offset of a keypoint that represents its joint
-    distance_sigma_m: float = 0.013  # sigma of the mean of both sides: individual offsets are 1 to 3 cm at both ends
+    distance_sigma_m: float = 0.013  # of the mean of both sides: people's keypoints are 1 to 3 cm off at each end
     trunk_sigma_m: float = 0.03  # the same for the trunk, which bends
     fewest_frames: int = 10
 

@@ -36,13 +36,13 @@ class CalibrationLimits:
     """Limits for poses and their results."""
 
     farthest_swing_deg: float = 35.0  # largest angle between a limb and the calibration pose
-    careless_deg: float = 15.0  # the same, above which it is mentioned
-    noise_m: float = 0.03  # largest spread of a still marker by measurement alone
+    careless_deg: float = 15.0  # angle of a limb above which the advice mentions it
+    noise_m: float = 0.03  # largest spread of a still marker due to measurement alone
     still_m_s: float = 0.15  # markers of a held pose are slower
-    like_pose_m: float = 0.20  # RMS distance from the default body's markers in the pose, for bodies of all sizes
-    as_close: float = 1.3  # factor for the smallest distance within which the stillest moment counts
+    like_pose_m: float = 0.20  # largest RMS distance from the default body's markers in the pose, for any body size
+    as_close: float = 1.3  # the stillest moment is chosen among those within this factor of the smallest distance
     residual_m: float = 0.015  # RMS marker error above which a calibration should be redone
-    odd_marker_m: float = 0.035  # distance of a marker from its usual position above which it is mentioned
+    odd_marker_m: float = 0.035  # distance of a marker from its usual position above which the advice mentions it
     shoulder_m: float = 0.012  # standard deviation of a shoulder's position above which another pose is worthwhile
 
 
@@ -69,7 +69,7 @@ class SubjectCalibration:
 def calibration_points(
     take: MarkerTake, marker_set: MarkerSet, seconds: float = 1.0, frames: slice = slice(None)
 ) -> Array:
-    """Return the median markers (M, 3) of the first still moment, NaN for hidden markers.
+    """Return the median marker positions (M, 3) in the first still moment, NaN for hidden markers.
 
     Args:
         take: Take that shows the calibration pose.
@@ -83,7 +83,7 @@ def calibration_points(
 
 
 def pose_points(take: MarkerTake, marker_set: MarkerSet, poses: Sequence[str], seconds: float = 1.0) -> Array:
-    """Return the median markers (N, M, 3) in each held pose, from its stillest moment.
+    """Return the median marker positions (N, M, 3) in each held pose, from its stillest moment.
 
     Args:
         take: Take that shows the poses in any order.
@@ -114,7 +114,7 @@ def pose_points(take: MarkerTake, marker_set: MarkerSet, poses: Sequence[str], s
             raise SubjectError(
                 f"{_HELD_AS[pose]} is not held for {seconds:.1f} s",
                 where=take.name,
-                advice="hold every pose still, all markers seen, or leave this one out of the poses",
+                advice="hold every pose still with all markers visible, or leave this pose out",
             )
     return np.array([_stillest(held[pose]) for pose in poses])
 
@@ -132,9 +132,10 @@ def check_poses(poses: Sequence[str]) -> None:
     """Raise SubjectError unless all poses are in `POSES`, each once."""
     for pose in poses:
         if pose not in POSES:
-            raise SubjectError(f"there is no calibration pose {pose!r}", advice="poses: " + ", ".join(POSES))
+            raise SubjectError(f"there is no calibration pose {pose!r}", advice="choose from " + ", ".join(POSES))
     if len(set(poses)) < len(poses) or not poses:
-        raise SubjectError("a calibration pose is named twice, or none is named", advice="poses: " + ", ".join(POSES))
+        advice = "name each pose once: " + ", ".join(POSES)
+        raise SubjectError("a calibration pose is named twice, or none is named", advice=advice)
 
 
 def _positions(take: MarkerTake, marker_set: MarkerSet) -> Array:
@@ -190,7 +191,7 @@ def _still(positions: Array, fps: float, seconds: float) -> Iterator[slice]:
         raise SubjectError("fewer than three markers are seen at once", advice="record the calibration pose again")
     raise SubjectError(
         f"the markers are never still for {length / fps:.1f} s",
-        advice="hold the calibration pose, name the frames in which it is held, or fit to motion with a database",
+        advice="hold the calibration pose, give the frames in which it is held, or fit the body to motion instead",
     )
 
 
@@ -206,7 +207,7 @@ def calibrate_subject(
         poses: Names (N) in `POSES`, by default the T pose; the first one defines the upright trunk.
 
     Raises:
-        SubjectError: There are too few markers, a pose is unknown, or limbs are elsewhere than in the pose.
+        SubjectError: There are too few markers, a pose is unknown, or limbs are far from the pose.
     """
     poses = poses or ("t",)
     check_poses(poses)
@@ -250,7 +251,7 @@ def calibrate_markers(
 
 
 def _check_seen(seen: Mask, marker_set: MarkerSet, name: str) -> None:
-    """Raise SubjectError for a pose without torso, and for markers that no pose shows."""
+    """Raise SubjectError for a pose that shows too few torso markers, and for markers that no pose shows."""
     for shown in seen:
         if np.sum(shown & marker_set.torso) < 3:
             unseen = [marker for marker, there in zip(marker_set.names, shown, strict=True) if not there]
@@ -272,7 +273,7 @@ def _check_limbs(fit: BodyFit, poses: Sequence[str]) -> None:
         if off_deg > LIMITS.farthest_swing_deg:
             raise SubjectError(
                 f"{limb} is {off_deg:.0f} degrees away from where {_HELD_AS[pose]} puts it",
-                advice="hold this pose, or name the one that was held",
+                advice="hold this pose, or choose the one that was held",
             )
 
 
@@ -298,7 +299,7 @@ def _shown(fit: BodyFit, points: Array, marker_set: MarkerSet) -> tuple[Array, A
 def _hidden(seen: Mask, marker_set: MarkerSet, poses: Sequence[str]) -> tuple[str, ...]:
     """Return advice on markers that a pose hides."""
     return tuple(
-        f"the marker of the {text} was not seen in {_HELD_AS[pose]}: hold it so that both cameras see all markers"
+        f"the marker of the {text} was not seen in {_HELD_AS[pose]}: stand so that both cameras see all markers"
         for pose, shown in zip(poses, seen, strict=True)
         for text, there in zip(marker_set.texts, shown, strict=True)
         if not there
@@ -310,11 +311,11 @@ def _advice(fit: BodyFit, poses: Sequence[str], residual_m: float, markers_m: di
     advice = []
     if residual_m > LIMITS.residual_m:
         advice.append(
-            "the markers do not lie as in this pose or set: check the pose and the marker set, record the pose again, "
-            "or fit to motion with a database"
+            "the markers do not fit the pose or the marker set: check both, record the pose again, or fit the body to "
+            "motion instead"
         )
     advice += [
-        f"the marker of the {text} is {1e3 * off:.0f} mm from its usual place: see whether it is worn there"
+        f"the marker of the {text} is {1e3 * off:.0f} mm from its usual position: check where it is worn"
         for text, off in markers_m.items()
         if off > LIMITS.odd_marker_m
     ]
@@ -322,7 +323,7 @@ def _advice(fit: BodyFit, poses: Sequence[str], residual_m: float, markers_m: di
     missing = [name for name in CALIBRATION if name not in poses]
     if shoulder_m > LIMITS.shoulder_m and missing:
         advice.append(
-            f"shoulders are known to {1e3 * shoulder_m:.0f} mm only, and so are arms: hold these poses as well: "
+            f"shoulders, and so arms, are known only to within {1e3 * shoulder_m:.0f} mm: hold these poses as well: "
             + ", ".join(_HELD_AS[name] for name in missing)
         )
     advice += [

@@ -1,4 +1,4 @@
-"""Measurement of a prop from a take: finding the markers that keep their distances."""
+"""Measurement of a prop from a take: finding the markers that form a rigid body."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -6,7 +6,7 @@ from itertools import combinations
 
 import numpy as np
 
-from ..errors import PropError
+from ..errors import PropError, counted
 from ..geometry.arrays import Array, Mask
 from ..geometry.point_patterns import planarity_m
 from ..geometry.rigid_transform import kabsch, principal_axes, transform
@@ -21,7 +21,7 @@ class PropSettings:
     rigid_m: float = 0.003  # largest median deviation of the distance between two markers of a prop
     fewest_frames: int = 10  # frames that must show both markers
     rounds: int = 5
-    poor_m: float = 0.002  # residual above which a prop bends or is poorly seen
+    poor_m: float = 0.002  # RMS residual above which a prop bends or is poorly seen
 
 
 SETTINGS = PropSettings()
@@ -45,29 +45,31 @@ class PropCalibration:
 
 
 def calibrate_prop(take: MarkerTake, name: str, markers: Sequence[str] = ()) -> PropCalibration:
-    """Return the prop formed by the markers that keep their distances from each other.
+    """Return the prop formed by the markers whose distances from each other hardly change.
 
     Args:
         take: Take of the prop, lying or moved; other markers are left out unless they move with it.
-        markers: Names of the prop's markers; empty for the largest group that keeps its distances.
+        markers: Names of the prop's markers; empty for the largest rigid group.
 
     Raises:
         PropError: There are fewer than three such markers, or they cannot be distinguished (see `Prop`).
     """
     unknown = [marker for marker in markers if marker not in take.names]
     if unknown:
-        known = "the take's markers are " + ", ".join(take.names)
-        raise PropError("there is no marker " + ", ".join(unknown), where=take.name, advice=known)
+        advice = "choose from its markers: " + ", ".join(take.names)
+        raise PropError("has no marker " + ", ".join(unknown), where=take.name, advice=advice)
     chosen = [take.names.index(marker) for marker in markers] or _largest_group(take)
     if len(chosen) < FEWEST_MARKERS:
         raise PropError(
-            f"{len(chosen)} markers do not define a pose", where=take.name, advice=f"name {FEWEST_MARKERS} or more"
+            f"{counted(len(chosen), 'marker')} cannot define a pose",
+            where=take.name,
+            advice=f"name {FEWEST_MARKERS} or more",
         )
     if len(chosen) > MOST_MARKERS:
         raise PropError(
-            f"{len(chosen)} markers stay together: the take shows more than the prop",
+            f"{len(chosen)} markers form one rigid group, but a prop has at most {MOST_MARKERS}",
             where=take.name,
-            advice="choose frames in which it is moved, or name its markers",
+            advice="choose frames in which the prop is moved, or name its markers",
         )
     shape, residual_m, frames = _mean_shape(take.positions_m[:, chosen], take.name)
     names = tuple(take.names[index] for index in chosen)
@@ -75,14 +77,15 @@ def calibrate_prop(take: MarkerTake, name: str, markers: Sequence[str] = ()) -> 
     left_out = tuple(other for other in take.names if other not in names)
     advice = []
     if len(chosen) == FEWEST_MARKERS:
-        advice.append("with a fourth marker it would be found at once, and with one of them hidden")
+        advice.append("with a fourth marker the prop would be found at once, even with one marker hidden")
     if residual_m > SETTINGS.poor_m:
-        advice.append(f"its markers move against each other by {1e3 * residual_m:.1f} mm: fasten them, move it slowly")
+        moved = f"{1e3 * residual_m:.1f} mm"
+        advice.append(f"its markers move by {moved} relative to each other: fasten them, and move the prop slowly")
     return PropCalibration(prop, frames, left_out, tuple(advice))
 
 
 def _largest_group(take: MarkerTake) -> list[int]:
-    """Return the markers of the largest group that keeps its distances."""
+    """Return the markers of the largest rigid group."""
     count = len(take.names)
     rigid = np.zeros((count, count), dtype=bool)
     for first, second in combinations(range(count), 2):
@@ -94,13 +97,13 @@ def _largest_group(take: MarkerTake) -> list[int]:
     groups = sorted(_groups(rigid), key=len)
     if not groups or len(groups[-1]) < FEWEST_MARKERS:
         raise PropError(
-            f"no {FEWEST_MARKERS} of its {count} markers keep their distances",
+            f"no {FEWEST_MARKERS} of its {count} markers form a rigid group",
             where=take.name,
             advice="record the prop alone, lying in front of the cameras, or moving slowly",
         )
     if len(groups) > 1 and len(groups[-2]) == len(groups[-1]):
         choices = " or ".join(", ".join(take.names[index] for index in sorted(group)) for group in groups[-2:])
-        raise PropError(f"may be {choices}", where=take.name, advice="name its markers")
+        raise PropError(f"the prop may be {choices}", where=take.name, advice="name its markers")
     return sorted(groups[-1])
 
 
@@ -126,15 +129,17 @@ def _groups(joined: Mask) -> list[set[int]]:
 def _mean_shape(positions_m: Array, where: str) -> tuple[Array, float, int]:
     """Return the shape (M, 3) that fits all frames (F, M, 3) best, its residual, and the number of frames used.
 
-    The shape is alternately fitted to each frame and replaced by the mean of the frames. Frames that fit badly, in
-    which markers were confused, are left out.
+    The shape is alternately fitted to each frame and replaced by the mean of the frames. Frames that fit badly because
+    markers were confused are left out.
     """
     seen = np.all(np.isfinite(positions_m), axis=2)
     usable = [f for f in np.flatnonzero(seen.sum(axis=1) >= FEWEST_MARKERS) if planarity_m(positions_m[f][seen[f]]) > 0]
     whole = [f for f in usable if seen[f].all()]
     if not whole:
         raise PropError(
-            f"its {positions_m.shape[1]} markers are never all seen at once", where=where, advice="turn it more slowly"
+            f"the {positions_m.shape[1]} markers of the prop are never all seen at once",
+            where=where,
+            advice="turn the prop more slowly",
         )
     shape = positions_m[whole[len(whole) // 2]]
     residual_m = 0.0

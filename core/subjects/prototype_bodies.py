@@ -21,7 +21,8 @@ def load_bodies(path: Path | str = SKELETONS) -> tuple[Skeleton, ...]:
     try:
         facts = json.loads(Path(path).read_text(encoding="utf-8"))
         if facts["version"] != 1 or tuple(facts["joints"]) != JOINT_NAMES:
-            raise SkeletonError("was written by another version, or for other joints", where=str(path))
+            advice = "use the file of this version"
+            raise SkeletonError("was written by another version, or for other joints", where=str(path), advice=advice)
         return tuple(
             Skeleton(plain.names, plain.parents, np.array(row["offsets_m"]), np.array(row["tips_m"]))
             for row in facts["skeletons"]

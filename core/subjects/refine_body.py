@@ -34,20 +34,21 @@ class RefineSettings:
 
     rounds: int = 4
     interval_s: float = 0.25  # between the frames used
-    most_frames: int = 240  # one minute; spread over a longer take
+    most_frames: int = 240  # one minute of a take; spread over a longer one
     fewest_frames: int = 3
     farthest_m: float = 0.12  # distance from the closest example, beyond which the motion is different
     root_sigma: tuple[float, float] = (0.5, 0.3)  # m, rad; wide, because examples do not show where the body is
     marker_sigma_m: float = 0.01
-    nearest_share: float = 0.3  # error of the predicted markers as a share of the distance to the closest example
-    frames_per_s: float = 1.2  # independent frames; nearby ones repeat each other's errors
-    part_scales: tuple[float, ...] = (0.05, 0.2, 0.35, 0.5, 0.75, 1.0)  # candidates, relative to the usual deviations
+    nearest_share: float = 0.3  # error of the predicted markers as a fraction of the distance to the closest example
+    frames_per_s: float = 1.2  # number of independent frames; nearby ones repeat each other's errors
+    # candidate standard deviations of parts and of offsets, relative to the usual ones
+    part_scales: tuple[float, ...] = (0.05, 0.2, 0.35, 0.5, 0.75, 1.0)
     offset_scales: tuple[float, ...] = (0.05, 0.2, 0.35, 0.5)
-    # Prior deviations for which 95 % of the errors are within twice the reported deviation: chosen with right and wrong
-    # bodies on five takes, confirmed on five others.
+    # prior standard deviations for which 95 % of the errors are within twice the reported ones: chosen with correct and
+    # wrong bodies on five takes, confirmed on five others
     trusted_part_sigma: float = 0.08
     trusted_offset_sigma_m: float = 0.015
-    common_sigma: float = 0.02  # all bones are found too short by this much, in any take
+    common_sigma: float = 0.02  # error of all bones together: any take makes them too short by about this much
 
 
 SETTINGS = RefineSettings()
@@ -177,10 +178,10 @@ def _evidence(observed: Array, subject: Subject, database: Database, report: Cal
 
 
 def _posterior(information: Array, vector: Array) -> tuple[Array, float]:
-    """Return the covariance of a body's change with the likeliest deviations, and their evidence.
+    """Return the covariance of a body's change for the likeliest standard deviations, and the evidence for these.
 
-    The evidence is the log likelihood ratio to the smallest deviations. The likelihood of the take is integrated
-    over all bodies (type II maximum likelihood; MacKay 1992, "Bayesian interpolation").
+    The evidence is the log likelihood ratio to the smallest candidates. The likelihood of the take is integrated over
+    all bodies (type II maximum likelihood; MacKay 1992, "Bayesian interpolation").
     """
     best: Array = np.zeros_like(information)
     most, least = -np.inf, 0.0
@@ -189,7 +190,7 @@ def _posterior(information: Array, vector: Array) -> tuple[Array, float]:
             factor = _factor(
                 len(vector), part_scale * SIGMAS.size, part_scale * SIGMAS.part, offset_scale * SIGMAS.offset_m
             )
-            # in units of the deviations, so that small ones stay well conditioned
+            # in units of the standard deviations, so that small ones stay well conditioned
             inner = np.eye(len(vector)) + factor.T @ information @ factor
             explained = np.linalg.solve(inner, factor.T @ vector)
             evidence = 0.5 * (vector @ factor @ explained - np.linalg.slogdet(inner)[1])
@@ -203,8 +204,8 @@ def _posterior(information: Array, vector: Array) -> tuple[Array, float]:
 def _trusted_covariance(information: Array) -> Array:
     """Return a calibrated covariance of a body's change.
 
-    It is wider than that of `_posterior`, because the likeliest deviations are uncertain: small ones would make a body
-    that seems right look certain.
+    It is wider than that of `_posterior`, because the likeliest standard deviations are uncertain: small ones would
+    make a body that seems correct look certain.
     """
     unknowns = len(information)
     factor = _factor(unknowns, SIGMAS.size, SETTINGS.trusted_part_sigma, SETTINGS.trusted_offset_sigma_m)
@@ -214,7 +215,7 @@ def _trusted_covariance(information: Array) -> Array:
 
 
 def _factor(unknowns: int, size: float, part: float, offset_m: float) -> Array:
-    """Return the Cholesky factor of the covariance of usual deviations."""
+    """Return the Cholesky factor of the prior covariance with these standard deviations."""
     sizes = len(PARTS)
     factor: Array = np.diag(np.full(unknowns, offset_m))
     factor[:sizes, :sizes] = np.linalg.cholesky(np.full((sizes, sizes), size**2) + part**2 * np.eye(sizes))

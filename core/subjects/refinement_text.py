@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..errors import counted
 from ..markers.subject import Subject
 from .refine_body import Refinement
 
@@ -16,10 +17,10 @@ class TextSettings:
     least_share: float = 0.01  # smallest change of a bone's length that changes poses visibly
     least_m: float = 0.003  # smallest move of a marker that changes poses visibly
     most_markers: int = 4  # most markers named, to fit a panel
-    least_evidence: float = 25.0  # nats; right bodies on motion unlike the database's reach 10 to 20, some more
+    least_evidence: float = 25.0  # nats; correct bodies on motion unlike the database's reach 10 to 20, some more
     sigmas: float = 2.0  # standard deviations that contain 95 % of the values
     sigmas_in_space: float = 2.5  # the same for the length of a vector
-    shifted: float = 1.5  # stricter factor for a single marker: many are tested, and the pose explains much
+    shifted: float = 1.5  # stricter factor for a single marker: many are tested, and poses can explain much
 
 
 SETTINGS = TextSettings()
@@ -57,7 +58,7 @@ def describe_changes(before: Subject, found: Refinement) -> list[str]:
     """Return the changes of the whole body, its parts and markers, largest first.
 
     The true value lies within the limits after ± in 95 % of cases. The list is empty if no change is significant or the
-    evidence is small: the body fits, and changing a right body would make it worse.
+    evidence is small: the body fits, and changing a correct body would make it worse.
     """
     whole = _bone("whole body", "larger", "smaller", found.whole, found.whole_sigma)
     parts = [_bone(*PART_WORDS[part], size, found.size_sigmas[part]) for part, size in found.sizes.items()]
@@ -70,7 +71,7 @@ def describe_changes(before: Subject, found: Refinement) -> list[str]:
     shown = [change.text for change in (*_worth([whole]), *_worth(parts), *named)]
     if rest:
         most_mm = 1e3 * SETTINGS.least_m * rest[0].size
-        shown.append(f"{len(rest)} more marker{'s' * (len(rest) > 1)} by up to {most_mm:.0f} mm")
+        shown.append(f"{counted(len(rest), 'more marker')} by up to {most_mm:.0f} mm")
     return shown
 
 

@@ -1,14 +1,14 @@
-"""Recognition of a suit in trajectories whose labels say nothing: which trajectory is which marker.
+"""Recognition of the marker set in trajectories whose labels say nothing: which trajectory is which marker.
 
-1. Frames are laid over one another with robust weights, so that the trunk rests: each trajectory's median is the take's
-   mean shape.
-2. Bodies in usual poses that wear each known marker set are laid into this shape, along every axis and heading.
-3. From the best of them, examples of the database and one assignment for all frames are found in turn.
+1. Frames are superimposed with robust weights, so that the trunk is at rest: the medians of the trajectories are the
+   take's mean shape.
+2. Bodies in usual poses that wear each known marker set are placed in this shape, along every axis and heading.
+3. From the best placements, examples of the database and one assignment for all frames are found alternately.
 4. The solver poses the body with these markers, its bones and offsets are fitted, and markers are assigned again.
-   Feet and head take part last: a foot that was assigned the wrong way round would bend to its markers.
+   Feet, hands and head take part last: a foot assigned the wrong way round would bend to its markers.
 
 Distances alone cannot tell left from right. A mirrored assignment turns the body round, so that knees and feet point
-backwards: it is followed as well, and must explain the trajectories clearly worse.
+backwards: it is solved as well, and must explain the trajectories clearly worse.
 """
 
 import contextlib
@@ -41,45 +41,45 @@ from .unknown_marker_placement import solved_poses
 
 @dataclass(frozen=True)
 class RecognitionSettings:
-    """Settings of the recognition, chosen on simulated and recorded suits; costs are sums of squared distances."""
+    """Settings of the recognition, chosen on simulated and recorded takes; costs are sums of squared distances."""
 
     fewest: int = 8  # fewest trajectories that show a body
     frames: int = 40  # frames, spread over the take, that give the mean shape
     compared: int = 12  # number of these in which bodies are compared
-    shape_rounds: int = 8  # rounds in which frames are laid over one another
-    rest_m: float = 0.03  # spread of a trajectory that rests on the trunk
-    radius_m: tuple[float, float] = (0.2, 1.2)  # range of the RMS radius of suits; others have a wrong unit
-    usual_radius_m: float = 0.5
-    sizes: tuple[float, float] = (0.5, 5.0)  # range of the number of a set's markers for each trajectory
+    shape_rounds: int = 8  # rounds in which frames are superimposed
+    rest_m: float = 0.03  # spread of a trajectory on the resting trunk
+    radius_m: tuple[float, float] = (0.2, 1.2)  # range of the RMS radius of a mean shape; others are in a wrong unit
+    usual_radius_m: float = 0.5  # RMS radius to which those are scaled
+    sizes: tuple[float, float] = (0.5, 5.0)  # range of a set's number of markers, relative to that of trajectories
     poses: int = 16  # usual poses of the database
     headings: int = 16
     refined: int = 80  # placements of a body in the mean shape that are refined
     refinements: int = 10
     scales: tuple[float, float] = (0.75, 1.3)  # size of bodies relative to the default skeleton
-    starts: int = 4  # assignments of each set that are followed
-    same: float = 0.7  # share of common assignments above which two starts are the same
+    starts: int = 4  # most placements of each set that are pursued
+    same: float = 0.7  # fraction of common assignments above which two starts are the same
     examples: int = 700  # poses of the database that are compared with each frame
-    nearest: int = 6  # of these, the nearest ones show where the markers should be
+    nearest: int = 6  # number of the nearest examples, which show where the markers should be
     rounds: int = 6  # rounds of examples and assignment
     placed_m: float = 0.3  # largest distance of a trajectory from a marker of the mean shape
     example_m: float = 0.22  # the same for the nearest examples
-    free_m: float = 0.2  # the same for a solved body whose ends are predicted
+    free_m: float = 0.2  # the same for a solved body whose feet, hands and head are predicted
     solved_m: float = 0.15  # the same for a solved body
-    capped_m: float = 0.25  # limit of each distance, and cost of a trajectory that is no marker
-    missed_m: float = 0.1  # cost of a marker without a trajectory
+    capped_m: float = 0.25  # limit of each distance, which also counts for a trajectory that is no marker
+    missed_m: float = 0.1  # distance that counts for a marker without a trajectory
     ends_free: int = 3  # rounds of the solver without feet, hands and head
-    most_ends: float = 0.4  # share of markers on ends above which they are never left out
-    all_solved: int = 3  # rounds with them
-    solved: int = 3  # best assignments that are solved, besides a mirrored one
+    most_ends: float = 0.4  # fraction of the markers on feet, hands and head above which these are never left out
+    all_solved: int = 3  # rounds of the solver with all markers
+    solved: int = 3  # number of the best assignments that are solved, besides a mirrored one
     turned_rad: float = 2.0  # difference of headings from which one assignment is another's mirror image
     clearer: float = 1.25  # factor by which the mirror image must explain the trajectories worse
-    recognised: float = 0.6  # smallest share of recognised markers, of the set or of the trajectories
+    recognised: float = 0.6  # smallest fraction of the set or of the trajectories that is recognised
     clear_m: float = 0.055  # RMS distance of all markers from those of a usual body, up to which the names are clear
     residual_m: float = 0.03  # largest median distance of the recognised markers from the body
 
 
 _S = RecognitionSettings()
-_NO_SUIT = "their motion looks like that of no suit"
+_NO_SUIT = "their motion fits no known marker set"
 _ENDS = ("foot", "toes", "hand", "fingers", "thumb", "head", "upperneck")
 
 
@@ -91,7 +91,7 @@ class _Suit(NamedTuple):
 
 
 class _Placement(NamedTuple):
-    """Body laid into the mean shape: p_body = size (turn p_shape) + shift."""
+    """Body placed in the mean shape: p_body = size (turn p_shape) + shift."""
 
     cost: float
     labels: IntArray  # (N,) marker of each trajectory, -1 for none
@@ -114,8 +114,8 @@ class RecognisedSuit(NamedTuple):
 
     Args:
         names: The marker of each recognised label.
-        is_clear: The usual body explains the markers so well that no other names would, and none is left without a name
-            while a name is left.
+        is_clear: The usual body explains the markers so well that no other names would, and all markers of the set or
+            all trajectories are named.
     """
 
     marker_set: MarkerSet
@@ -132,11 +132,11 @@ def recognise_suit(take: MarkerTake, database: Database, why: str, progress: Pro
         why: What is wrong with its labels, for messages.
 
     Raises:
-        TakeError: The trajectories look like no suit, or left and right cannot be told apart.
+        TakeError: The trajectories fit no marker set, or left and right cannot be told apart.
     """
     shown = np.flatnonzero(take.visible.any(axis=0))
     if len(shown) < _S.fewest or take.single is not None:
-        raise _refusal(take, why, f"{len(shown)} trajectories are too few to show a body")
+        raise _refusal(take, why, f"there are too few trajectories ({len(shown)}) to show a body")
     points_m, turns, shifts_m, shape_m = _laid_over(take.positions_m[:, shown])
     compared = evenly(len(points_m), _S.compared)
     points_m, turns, shifts_m = points_m[compared], turns[compared], shifts_m[compared]
@@ -149,7 +149,7 @@ def recognise_suit(take: MarkerTake, database: Database, why: str, progress: Pro
     solved = []
     for number, guess in enumerate(_worth_solving(guesses)):
         progress(0.7 + 0.3 * number / _S.solved, "recognising the markers")
-        with contextlib.suppress(TakeError):  # too few of the torso
+        with contextlib.suppress(TakeError):  # too few torso markers
             solved.append(_solve(points_m, guess, database))
     if not solved:
         raise _refusal(take, why, _NO_SUIT)
@@ -157,14 +157,14 @@ def recognise_suit(take: MarkerTake, database: Database, why: str, progress: Pro
 
 
 def _refusal(take: MarkerTake, why: str, what: str) -> TakeError:
-    advice = "choose the marker set that was worn, or give a file of names: which label is which marker"
+    advice = "choose the marker set that was worn, or give a file that says which label is which marker"
     return TakeError(f"{why}, and {what}", where=take.name, advice=advice)
 
 
 def _laid_over(positions_m: Array) -> tuple[Array, Array, Array, Array]:
-    """Return frames (F, N, 3) of a take, turns (F, 3, 3) and shifts (F, 3) to its mean shape, and this (N, 3).
+    """Return frames (F, N, 3) of a take, turns (F, 3, 3) and shifts (F, 3) to its mean shape, and the shape (N, 3).
 
-    Markers that move little relative to most others weigh most, so that the trunk rests.
+    Markers that move little relative to most others weigh most, so that the trunk is at rest.
     """
     count = np.isfinite(positions_m[..., 0]).sum(axis=1)
     telling = np.flatnonzero(count >= max(FEWEST_TORSO, 0.5 * count.max()))
@@ -182,7 +182,7 @@ def _laid_over(positions_m: Array) -> tuple[Array, Array, Array, Array]:
         spread_m = np.nan_to_num(median_of_known(np.linalg.norm(moved_m - shape_m, axis=-1)), nan=np.inf)
         weights = 1.0 / (_S.rest_m**2 + spread_m**2)
     radius_m = float(np.sqrt(np.nanmean(np.sum((shape_m - np.nanmedian(shape_m, axis=0)) ** 2, axis=-1))))
-    if not _S.radius_m[0] < radius_m < _S.radius_m[1]:  # a wrong unit, which is told later
+    if not _S.radius_m[0] < radius_m < _S.radius_m[1]:  # a wrong unit, which is reported later
         points_m, shifts_m, shape_m = (
             values * _S.usual_radius_m / radius_m for values in (points_m, shifts_m, shape_m)
         )
@@ -190,7 +190,7 @@ def _laid_over(positions_m: Array) -> tuple[Array, Array, Array, Array]:
 
 
 def _suits(trajectories: int, database: Database) -> list[_Suit]:
-    """Return the marker sets that so many trajectories may be of, in usual poses."""
+    """Return the marker sets, in usual poses, that may have this number of trajectories."""
     skeleton, found = default_skeleton(), []
     for name in marker_set_names():
         worn = load_marker_set(name)
@@ -204,7 +204,7 @@ def _suits(trajectories: int, database: Database) -> list[_Suit]:
 
 
 def _starts(shape_m: Array, suit: _Suit) -> list[_Placement]:
-    """Return the best different placements of a suit in the mean shape (N, 3)."""
+    """Return the best placements of a marker set in the mean shape (N, 3) that differ from each other."""
     seen = np.isfinite(shape_m[:, 0])
     rough = sorted(
         (each for usual_m in suit.usual_m for each in _rough_placements(shape_m[seen], usual_m)),
@@ -222,7 +222,7 @@ def _starts(shape_m: Array, suit: _Suit) -> list[_Placement]:
 def _rough_placements(shape_m: Array, usual_m: Array) -> list[tuple[float, Array, Similarity]]:
     """Return costs of a body's markers (M, 3) in the shape along all axes and headings.
 
-    Middles, lowest or highest markers meet: a suit may be worn on the legs alone.
+    Either the middles, the lowest or the highest markers are aligned: markers may be worn on the legs alone.
     """
     found = []
     angles = 2.0 * np.pi * np.arange(_S.headings) / _S.headings
@@ -248,7 +248,7 @@ def _squares(points_m: Array, others_m: Array) -> Array:
 
 
 def _refined(shape_m: Array, usual_m: Array, fit: Similarity) -> _Placement:
-    """Assign and place in turn."""
+    """Return the placement after alternately assigning markers and fitting the shape to them."""
     labels = np.full(len(shape_m), -1)
     cost = np.inf
     for _ in range(_S.refinements):
@@ -275,7 +275,7 @@ def _assigned(squares: Array, gate_m: float) -> tuple[float, IntArray]:
 def _compare(
     points_m: Array, turns: Array, shifts_m: Array, fit: Similarity, marker_set: MarkerSet, database: Database
 ) -> _Guess:
-    """Find examples for frames (F, N, 3) and one assignment for all of them in turn."""
+    """Return one assignment for all frames (F, N, 3), found alternately with the examples nearest to each frame."""
     size = 1.0 / fit.scale
     skeleton = scaled(default_skeleton(), size)
     model = SubjectModel(Subject("", skeleton, marker_set), database.reference_pose_of(skeleton, ""))
@@ -336,7 +336,7 @@ def _is_turned(guess: _Guess, other: _Guess) -> bool:
 
 
 def _solve(points_m: Array, guess: _Guess, database: Database) -> _Guess:
-    """Solve frames with a guess's markers, fit the body, and assign again, in turn."""
+    """Return the guess after alternately solving the frames, fitting the body and assigning the markers."""
     worn, labels = guess.marker_set, guess.labels
     vertical = guess.turns[:, 1].mean(axis=0)
     upright = max(TURNS.values(), key=lambda turn: float(turn[1] @ vertical))
@@ -372,7 +372,7 @@ def _poses(part: MarkerTake, labels: IntArray, subject: Subject, database: Datab
 
 
 def _decided(take: MarkerTake, why: str, solved: list[_Guess], shown: list[str]) -> RecognisedSuit:
-    """Return the best guess; raise TakeError if it is no suit, or its mirror image is as good."""
+    """Return the best guess; raise TakeError if it does not fit, or its mirror image fits as well."""
     best = min(solved, key=lambda guess: guess.cost)
     known = int(np.sum(best.labels >= 0))
     if known < _S.recognised * min(len(best.marker_set), len(shown)) or not best.residual_m < _S.residual_m:

@@ -1,10 +1,9 @@
-"""Placement of markers that no marker set knows, from a take's motion.
+"""Placement of markers that are in no marker set, from a take's motion.
 
 A marker that is fixed in a bone's frame is worn on that bone. For bones that known markers determine, the poses show
 this directly. A limb that they leave undetermined is first fitted to the unknown markers: its first bone points at one
-of them, its second at another, the same two in all frames. The pair with which the markers keep their positions on the
-bones best, close to them, wins.
-Then poses and positions are estimated alternately.
+of them, its second at another, the same two in all frames. The chosen pair is the one for which the markers move least
+in the frames of the bones and are closest to them. Then poses and positions are estimated alternately.
 """
 
 from collections.abc import Sequence
@@ -37,15 +36,17 @@ class PlacementSettings:
     frames: int = 16  # number of frames, spread over the take
     fewest: int = 4  # fewest of these frames that show whether a marker keeps its position
     rounds: int = 2
-    moved_share: float = 0.5  # share of each update of the positions: along a limb, they can drift with the poses
+    moved_share: float = 0.5  # fraction of each update of the positions that is applied: they drift along a limb
     spread_m: float = 0.02  # usual spread of a marker's position on its bone: skin, and error of the poses
     flesh_m: float = 0.08  # usual distance of a marker from its bone
-    explained: float = 2.0  # cost of a marker on a determined bone, below which it is on no undetermined limb
+    explained: float = 2.0  # cost of a marker on a determined bone below which it is on no undetermined limb
     unexplained: float = 6.0  # cost, in the choice between fits of a limb, of a marker that is on no bone
     largest_spread_m: float = 0.05  # largest spread of a marker that is on a bone
     farthest_m: float = 0.2  # largest distance of a worn marker from its bone
-    usual_m: float = 0.08  # largest distance of a placed marker from where it may be: the set's, or the other side's
-    size_share: float = 0.4  # largest relative difference between a bone and the skeleton's
+    # largest distance of a placed marker from the marker of the set that it may be, or from its mirror image
+    usual_m: float = 0.08
+    # largest relative difference between a limb's first bone and the distance of a marker at which it points
+    size_share: float = 0.4
     every: int = 2  # step between the frames to which a limb is fitted
     hand_m: float = 0.15  # length of hand or foot beyond wrist or ankle
 
@@ -105,12 +106,12 @@ def _wearing(subject: Subject, places: tuple[Marker, ...]) -> Subject:
 
 
 def with_usual_offsets(subject: Subject, names: Sequence[str]) -> Subject:
-    """Return the subject with its placed markers where a set has them: left and right alike, at usual places nearby.
+    """Return the subject with its placed markers made symmetric, or moved onto nearby markers of the set.
 
     The motion shows where a marker is along a bone, but hardly how thick the flesh below it is.
 
     Args:
-        names: Names in the take; markers of the set that it lacks are where placed ones may be.
+        names: Names in the take; placed markers may be the markers of the set that the take lacks.
     """
     markers, skeleton = subject.marker_set.markers, subject.skeleton
     rest = rot.identity((len(skeleton),))
@@ -159,7 +160,7 @@ def _local_places(part: MarkerTake, subject: Subject, database: Database, points
 def _first_places(
     part: MarkerTake, start: Subject, database: Database, unknown: list[str], points_m: Array
 ) -> tuple[Marker, ...]:
-    """Return the positions given by the poses of the known markers, or on undetermined limbs by their fits."""
+    """Return the positions shown by the poses of the known markers, or on undetermined limbs by fits of these limbs."""
     skeleton = start.skeleton
     positions_m, world = forward_kinematics(skeleton, *solved_poses(part, start, database))
     local_m = _in_bones(points_m, positions_m, world)
@@ -183,14 +184,14 @@ def _first_places(
 
 
 def _nearest_on_bones(local_m: Array, skeleton: Skeleton) -> Array:
-    """Return the nearest points of the bones to points (..., J, 3) in their frames."""
+    """Return the points of the bones that are nearest to points (..., J, 3) in the joints' frames."""
     tips = skeleton.tips_m
     share = np.einsum("...jx,jx->...j", local_m, tips) / np.maximum(np.sum(tips**2, axis=1), 1e-9)
     return np.clip(share, 0.0, 1.0)[..., None] * tips
 
 
 def _cost(spread_m: Array, apart_m: Array) -> Array:
-    """Return the costs of markers by the spread of their positions on bones and their distances from these."""
+    """Return the costs of markers for the spread of their positions on bones and their distances from the bones."""
     costs = (spread_m / _S.spread_m) ** 2 + (apart_m / _S.flesh_m) ** 2
     possible = (spread_m <= _S.largest_spread_m) & (apart_m <= _S.farthest_m)
     return np.where(possible, costs, np.inf)
@@ -214,7 +215,7 @@ def _lengths_m(limb: _Limb, skeleton: Skeleton) -> Array:
 def _directed(
     limb: _Limb, skeleton: Skeleton, points_m: Array, root_m: Array, costs: Array
 ) -> tuple[float, tuple[int, int]]:
-    """Return the two markers at which a limb points to explain most, and by how much it lowers the costs.
+    """Return by how much a limb that points at the best two markers lowers the costs, and these markers.
 
     Args:
         root_m: First joint of the limb (F, 3).
@@ -295,7 +296,7 @@ def _kept_places(
 
 
 def _chosen(costs: Array, offsets_m: Array, skeleton: Skeleton, unknown: list[str]) -> tuple[Marker, ...]:
-    """Return the markers on the bones with the least cost, NaN for an unknown one."""
+    """Return the markers on the bones with the least cost, without those that fit no bone."""
     joints: IntArray = costs.argmin(axis=1)
     return tuple(
         Marker(name, skeleton.names[joint], tuple(offsets_m[row, joint].tolist()), placed=True)

@@ -123,7 +123,11 @@ def other_side(name):
 TOLD = {
     "mirrored": (Trc(signs=(-1, 1, 1)), "verdict", "mm from its markers"),
     "sides exchanged throughout": (Trc(rename=other_side), "verdict", "mm from its markers"),
-    "header of another rate": (Trc(rate=120.0), "warnings", "the header says 120 frames per second, but the times give 30"),
+    "header of another rate": (
+        Trc(rate=120.0),
+        "warnings",
+        "the header says 120 frames per second, but the times give 30",
+    ),
     "frames lost": (Trc(**LOST), "warnings", "frames are missing"),
     "numbers against times": (
         Trc(**LOST, times_s=np.arange(KEPT.sum()) / FPS), "warnings", "skip 10 frames, the times none: the times count"

@@ -62,7 +62,7 @@ def test_markers_far_from_their_usual_places_are_listed_but_not_those_that_slid_
     }
     found = moved_markers(worn_at(off, truth.skeleton), SUIT)
     assert {name: round(m, 3) for name, m in found.items()} == {"LELB": 0.2, "C7": 0.07}
-    assert contradicted_places(found) == "LELB is 200 mm away from its place on the body: check the label"
+    assert contradicted_places(found) == "LELB is 200 mm away from the usual position on the body: check the label"
     assert contradicted_places(moved_markers(worn_at({}, truth.skeleton), SUIT)) == ""
 
 

@@ -103,9 +103,7 @@ def test_takes_that_show_no_body_are_refused(take, wrong_start, database):
     with pytest.raises(SubjectError, match="only 5 frames"):
         subject_from_motion(frames_of(take, slice(0, 5)), wrong_start, database)
     unseen = replace(take, positions_m=np.full_like(take.positions_m, np.nan))
-    with pytest.raises(
-        SubjectError, match=r"only 0 frames show 3 markers of the torso; the whole take has .*at least 20 are"
-    ):
+    with pytest.raises(SubjectError, match=r"only 0 of \d+ frames show 3 torso markers, but at least 20 are"):
         subject_from_motion(unseen, wrong_start, database)
     with pytest.raises(TakeError, match="torso markers"):
         subject_from_motion(replace(take, names=tuple(f"X{i}" for i in range(len(take.names)))), wrong_start, database)

@@ -126,7 +126,7 @@ def test_a_set_without_usual_offsets():
 
 def test_refusals():
     points = markers_of(PROTOTYPES[3])
-    with pytest.raises(SubjectError, match="no calibration pose 'yoga'; poses: t, standing"):
+    with pytest.raises(SubjectError, match="no calibration pose 'yoga'; choose from t, standing"):
         calibrate_subject(points, BOXING, PROTOTYPES, "Ann", "yoga")
     hand_unseen = points.copy()
     hand_unseen[BOXING.names.index("LHAN")] = np.nan
@@ -321,7 +321,7 @@ def test_what_would_make_it_better_is_told():
     points[:, BOXING.names.index("HEAD")] += [0.0, 0.1, 0.0]  # worn on a hat
     hat = calibrate_subject(points, BOXING, PROTOTYPES, "a", *CALIBRATION)
     assert hat.marker_residuals_m["HEAD"] == max(hat.marker_residuals_m.values())
-    assert any("marker of the head is" in text and "from its usual place" in text for text in hat.advice)
+    assert any("marker of the head is" in text and "from its usual position" in text for text in hat.advice)
 
 
 def test_a_marker_hidden_in_one_of_the_poses_is_found_in_another():

@@ -60,7 +60,7 @@ def test_trajectories_that_are_no_body_are_refused(few_suits, unknown, database)
     take = unknown[0]
     steps = np.random.default_rng(1).normal(0.0, 0.02, take.positions_m.shape)
     starts = np.random.default_rng(2).normal(0.0, 0.5, take.positions_m.shape[1:])
-    with pytest.raises(TakeError, match="that of no suit"):
+    with pytest.raises(TakeError, match="their motion fits no known marker set"):
         labelled_by(AUTO, replace(take, positions_m=starts + np.cumsum(steps, axis=0)), database)
 
 
