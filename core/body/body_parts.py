@@ -1,4 +1,4 @@
-"""Parts of the body with the names that people use."""
+"""Parts of the body by their everyday names."""
 
 from .standard_skeleton import JOINT_NAMES, SPINE_JOINTS
 

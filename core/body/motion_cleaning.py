@@ -45,12 +45,12 @@ class CleaningSettings:
     by this much, a short bone by more.
     """
 
-    turn_rad_s: float = 130.0  # fastest turn of a joint
+    turn_rad_s: float = 130.0  # highest angular speed of a joint
     turn_rad_s2: float = 5000.0  # largest angular acceleration of a joint
     limb_step_deg: float = 30.0  # smallest jump of a joint between two frames
     foot_step_deg: float = 45.0  # smallest jump of the feet
     end_step_deg: float = 60.0  # smallest jump of hands, fingers, thumbs and toes
-    root_m_s: float = 13.0  # fastest motion of the root
+    root_m_s: float = 13.0  # highest speed of the root
     root_m_s2: float = 500.0  # largest acceleration of the root
     root_step_m: float = 0.05  # smallest jump of the root between two frames
     longest_pop_s: float = 0.25  # longest pop that is cut out or interpolated

@@ -130,7 +130,7 @@ def joint_leaps(parents: tuple[int, ...]) -> tuple[tuple[IntArray | slice, IntAr
     above = np.array(parents)
     while np.any(above >= 0):
         joints = np.flatnonzero(above >= 0)
-        # if joints are in order of depth, those this deep come last, and a slice replaces their indices
+        # in order of depth, the joints this deep come last, so a slice can replace their indices
         result.append((slice(joints[0], None) if len(joints) == len(above) - joints[0] else joints, above[joints]))
         above[joints] = above[above[joints]]
     return tuple(result)

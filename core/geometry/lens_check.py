@@ -13,7 +13,7 @@ class LensLimits:
 
     widest_deg: float = 150.0  # field of view; rectilinear lenses end at 120, and beyond 150 the model is useless
     narrowest_deg: float = 0.5  # field of view
-    stretched: float = 2.0  # largest ratio of the two focal lengths, that of anamorphic lenses
+    stretched: float = 2.0  # largest ratio of the two focal lengths; anamorphic lenses reach 2
     # radius from the centre, as a share of half the shorter side, within which the distortion must not fold the image
     clear: float = 0.5
 

@@ -98,7 +98,7 @@ class MotionLibrary:
             self.heights_m[part] -= self._floors_m[index]
 
     def _contacts(self) -> tuple[Mask, Mask]:
-        """Return masks (F, 2) of the frames in which the left and the right toes are planted, and in which still."""
+        """Return masks (F, 2) of the frames with planted toes, left and right, and of those with still toes."""
         toes = [self.columns[name] for name in TOES]
         result, still = np.zeros((2, self.database.frames, 2), dtype=np.bool_)
         size, second = 2 * round(SETTINGS.steady_s * self.fps / 2) + 1, 2 * round(self.fps) + 1

@@ -29,7 +29,7 @@ class PoseFitSettings:
 
     steps: int = 20  # most Gauss-Newton steps in one round
     rounds: int = 3  # most rounds; a frame that misses a tight target is fitted again from its result
-    near_m: float = 0.01  # distance from which a target is missed
+    near_m: float = 0.01  # largest distance from a target that is met
     tight_m: float = 0.002  # standard deviation below which a target is tight
     straight_rad: float = 0.02  # the iteration ends after a step in which no joint turns more than this
     marker_sigma_m: float = 0.0005

@@ -22,14 +22,15 @@ class StanceSettings:
     """Settings for the stances; the planted fraction is that of the examples in which the foot is planted."""
 
     stands: float = 0.5  # planted fraction above which a foot is planted
-    # between two keys: smallest planted fraction for one stance; relative to the largest there, where a step ends
+    # smallest mean planted fraction with which one stance spans two keys; between other keys, the foot steps while the
+    # fraction is below this share of its maximum there
     may_stand: float = 0.3
     most_stand: float = 0.7  # planted fraction from which the desired toes of one stance may differ more
     stayed_m: float = 0.04  # largest distance between two keys in one stance
     stayed_m_s: float = 0.1  # largest mean speed between two keys in one stance
     ankles_m: float = 0.1  # largest horizontal distance between the ankles at two keys of a stance on the toes
     length_m: float = 0.015  # largest error of the foot's length in a stance
-    # largest distance of the desired toes from those of the stance: usually, and from `most_stand` on
+    # largest distance of the desired toes from the stance's: usually, and if the planted fraction reaches `most_stand`
     toes_m: tuple[float, float] = (0.03, 0.05)
     step_m_s: float = 2.0  # mean speed of a step
     shortest_step_s: float = 0.07

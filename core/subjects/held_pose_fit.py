@@ -58,7 +58,7 @@ class BodyFit:
     Args:
         rotations: Local rotations (N, J, 4) of each pose.
         root_positions_m: Root positions (N, 3).
-        astray_rad: First joint of each limb -> its angle from the pose, for each pose.
+        astray_rad: For each pose, first joint of each limb -> angle between the fitted and the calibration pose.
         sigmas_m: Standard deviation (J,) of each joint's distance from its parent; 0 for a known body.
     """
 

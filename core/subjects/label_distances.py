@@ -20,7 +20,7 @@ from ..solver.subject_model import SubjectModel
 
 @dataclass(frozen=True)
 class DistanceSettings:
-    """Settings of the judgement, chosen on simulated and recorded suits; costs are in nats per distance."""
+    """Settings of the judgement, chosen on simulated and recorded takes; costs are in nats per distance."""
 
     frames: int = 200  # most frames of the take, and poses of the database, in which distances are measured
     fewest_frames: int = 5  # fewest frames that show a distance
@@ -82,7 +82,8 @@ def _label_costs(own: Distances, usual: Distances) -> Array:
     """Return the mean cost (M,) of each marker's distances."""
     ratios = own.mean_m / np.maximum(usual.mean_m, 1e-9)
     ratios = ratios[np.isfinite(ratios) & ~np.eye(len(ratios), dtype=bool)]
-    scale = float(np.median(ratios)) if np.any(ratios > 0.0) else 1.0  # the body's size, or another unit of length
+    # the body's size, or a different unit of length
+    scale = float(np.median(ratios)) if np.any(ratios > 0.0) else 1.0
     mean_m, spread_m = own.mean_m / scale, own.spread_m / scale
     variance = usual.spread_m**2 + 2.0 * _S.placed_m**2
     looser = np.maximum(np.log((spread_m + _S.spread_m) / (usual.spread_m + _S.spread_m)), 0.0) / _S.spread_log

@@ -16,7 +16,7 @@ class TextSettings:
 
     least_share: float = 0.01  # smallest change of a bone's length that changes poses visibly
     least_m: float = 0.003  # smallest move of a marker that changes poses visibly
-    most_markers: int = 4  # most markers named, to fit a panel
+    most_markers: int = 4  # largest number of markers that are named, so that the text fits a panel
     least_evidence: float = 25.0  # nats; correct bodies on motion unlike the database's reach 10 to 20, some more
     sigmas: float = 2.0  # standard deviations that contain 95 % of the values
     sigmas_in_space: float = 2.5  # the same for the length of a vector

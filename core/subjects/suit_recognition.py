@@ -50,7 +50,7 @@ class RecognitionSettings:
     rest_m: float = 0.03  # spread of a trajectory on the resting trunk
     radius_m: tuple[float, float] = (0.2, 1.2)  # range of the RMS radius of a mean shape; others are in a wrong unit
     usual_radius_m: float = 0.5  # RMS radius to which those are scaled
-    sizes: tuple[float, float] = (0.5, 5.0)  # range of a set's number of markers, relative to that of trajectories
+    sizes: tuple[float, float] = (0.5, 5.0)  # range of the number of a set's markers per trajectory
     poses: int = 16  # usual poses of the database
     headings: int = 16
     refined: int = 80  # placements of a body in the mean shape that are refined
@@ -303,7 +303,7 @@ def _compare(
 
 
 def _nearest_examples(points_m: Array, labels: IntArray, examples_m: Array) -> Array:
-    """Return the examples (K, M, 3) nearest to points (N, 3), whose labels may all be -1."""
+    """Return the examples (K, M, 3) nearest to points (N, 3); the points' labels may all be -1."""
     known = labels >= 0
     if known.any():
         apart2 = np.sum((points_m[known] - examples_m[:, labels[known]]) ** 2, axis=-1)

@@ -43,7 +43,7 @@ class PlacementSettings:
     unexplained: float = 6.0  # cost, in the choice between fits of a limb, of a marker that is on no bone
     largest_spread_m: float = 0.05  # largest spread of a marker that is on a bone
     farthest_m: float = 0.2  # largest distance of a worn marker from its bone
-    # largest distance of a placed marker from the marker of the set that it may be, or from its mirror image
+    # within this distance a placed marker may be a marker of the set, or the mirror image of one on the other side
     usual_m: float = 0.08
     # largest relative difference between a limb's first bone and the distance of a marker at which it points
     size_share: float = 0.4
