@@ -56,8 +56,8 @@ def calibrate_prop(take: MarkerTake, name: str, markers: Sequence[str] = ()) -> 
     """
     unknown = [marker for marker in markers if marker not in take.names]
     if unknown:
-        advice = "choose from its markers: " + ", ".join(take.names)
-        raise PropError("has no marker " + ", ".join(unknown), where=take.name, advice=advice)
+        known = "choose from its markers: " + ", ".join(take.names)
+        raise PropError("has no marker " + ", ".join(unknown), where=take.name, advice=known)
     chosen = [take.names.index(marker) for marker in markers] or _largest_group(take)
     if len(chosen) < FEWEST_MARKERS:
         raise PropError(
