@@ -100,7 +100,7 @@ def test_markers_on_wands_are_found_where_they_are(embedded_motion, database):
 
 
 def test_takes_that_show_no_body_are_refused(take, wrong_start, database):
-    with pytest.raises(SubjectError, match="only 5 frames"):
+    with pytest.raises(SubjectError, match="only 5 of 5 frames show 3 torso markers"):
         subject_from_motion(frames_of(take, slice(0, 5)), wrong_start, database)
     unseen = replace(take, positions_m=np.full_like(take.positions_m, np.nan))
     with pytest.raises(SubjectError, match=r"only 0 of \d+ frames show 3 torso markers, but at least 20 are"):
