@@ -42,6 +42,14 @@ def part(addon: object, extension: str) -> Callable[[str], Any]:
 
 
 @pytest.fixture
+def near_worker(part: Callable[[str], Any], monkeypatch: pytest.MonkeyPatch) -> None:
+    """Jobs are done in this process."""
+    from near_worker import use_near_worker
+
+    use_near_worker(part, monkeypatch)
+
+
+@pytest.fixture
 def errors(addon: object, extension: str) -> Any:
     """The errors as the add-on raises them."""
     return importlib.import_module(f"{extension}.core.errors")

@@ -323,10 +323,12 @@ def test_a_take_names_all_and_each_can_be_exported(
     assert part("jobs.activity").message("takes")[0].startswith("20 frames of duel (Ben) in ")
 
 
+@pytest.mark.usefixtures("near_worker")
 def test_two_before_the_cameras_live_and_solved_again(
     part: Any, chosen: Any, targets: Any, new_capture: Any, tmp_path: Path
 ) -> None:
-    build_database([str(MOTION)], tmp_path / "two.pfdb", BuildSettings(fps=10.0))
+    clips = [str(path) for name in ("kendo", "boxing") for path in MOTION.glob(f"{name}-*.bvh")]
+    build_database(clips, tmp_path / "two.pfdb", BuildSettings(fps=10.0))
     chosen.database, chosen.behaviour = str(tmp_path / "two.pfdb"), "kendo"
     chosen.feet = "off"  # shown as the take has it
     targets.entries.add().kind = "PERFORMER"

@@ -7,6 +7,7 @@ from typing import Any
 
 import bpy
 import numpy as np
+import pytest
 from clicked import run_job
 from mathutils import Matrix, Quaternion, Vector
 from perfanim.core.body.scene_pose import PropPose
@@ -60,6 +61,7 @@ def test_buttons_add_and_remove(part: Any, targets: Any) -> None:
     assert (len(targets.entries), targets.active) == (1, 0)
 
 
+@pytest.mark.usefixtures("near_worker")
 def test_a_prop_is_measured_from_the_chosen_take(part: Any, targets: Any, tmp_path: Path) -> None:
     """Lying still before the cameras: what another system's take, or a capture, shows of it."""
     sword, generator = load_prop("sword"), np.random.default_rng(0)

@@ -1,4 +1,4 @@
-"""Long work behind the buttons: the real worker runs the command, the test plays the timer."""
+"""Long work behind the buttons: their jobs and what comes of them; the test plays the timer."""
 
 from dataclasses import replace
 from itertools import pairwise
@@ -23,6 +23,7 @@ from perfanim.core.simulate.studio.render import Renderer
 from perfanim.core.simulate.studio.studio_rig import default_rig
 
 
+@pytest.mark.usefixtures("near_worker")
 def test_motion_is_imported_and_used(part: Any, tmp_path: Path) -> None:
     operator = part("operators.database_operators").PERFANIM_OT_build_database
     write_bvh(perform("walking", 3.0), tmp_path / "walk.bvh")
@@ -47,6 +48,7 @@ def test_motion_is_imported_and_used(part: Any, tmp_path: Path) -> None:
     assert mirrored.frames + mirrored.culled_frames == 2 * frames
 
 
+@pytest.mark.usefixtures("near_worker")
 def test_files_without_motion_are_an_error_and_leave_nothing(part: Any, errors: Any, tmp_path: Path) -> None:
     operator = part("operators.database_operators").PERFANIM_OT_build_database
     (tmp_path / "broken.bvh").write_text("no motion")
@@ -62,6 +64,7 @@ def test_files_without_motion_are_an_error_and_leave_nothing(part: Any, errors: 
         operator.arguments(played, bpy.context)
 
 
+@pytest.mark.usefixtures("near_worker")
 def test_cameras_are_calibrated_from_board_pictures(part: Any, errors: Any, tmp_path: Path) -> None:
     operator = part("operators.camera_operators").PERFANIM_OT_calibrate_cameras
     chosen = bpy.context.scene.perfanim
@@ -118,6 +121,7 @@ def test_the_board_is_watched_with_all_chosen_cameras(part: Any, errors: Any) ->
     assert operator.request(SimpleNamespace(), bpy.context).board == "charuco:9x6:31.5mm:22.5mm:DICT_5X5_100"
 
 
+@pytest.mark.usefixtures("near_worker")
 def test_the_board_is_written_to_be_printed(part: Any, tmp_path: Path) -> None:
     operator = part("operators.camera_operators").PERFANIM_OT_save_board
     chosen = bpy.context.scene.perfanim

@@ -76,6 +76,7 @@ def bones_off(subject: Subject, right: Subject) -> float:
     return float(np.abs(found[true > 0.0] / true[true > 0.0] - 1.0).mean())
 
 
+@pytest.mark.usefixtures("near_worker")
 def test_a_wrong_body_is_refined_and_used_from_a_file_beside_the_old_one(
     part: Any, chosen: Any, offer: Any, offered: Any, operator: Any, walk: SimpleNamespace, anna: Path, take: str
 ) -> None:
@@ -147,6 +148,7 @@ def test_a_cancelled_refinement_changes_nothing(part: Any, chosen: Any, offer: A
     assert chosen.subject == str(anna)
 
 
+@pytest.mark.usefixtures("near_worker")
 def test_takes_that_refine_nothing_are_refused_with_the_reason(part: Any, offer: Any, operator: Any, take: str) -> None:
     folder, whole = Path(take).parent, read_take_file(take)
     write_whole_take(folder / "still.perftake", whole.setup, TakeNotes("still"), whole.stamped_frames[:2], [])

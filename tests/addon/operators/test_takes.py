@@ -22,7 +22,7 @@ from perfanim.core.markers.subject import save_subject
 from played import curves_of, key_times, points_to_blender, select_bones
 from solved_poses import scene_pose, write_poses
 
-pytestmark = pytest.mark.usefixtures("anna")
+pytestmark = pytest.mark.usefixtures("anna", "near_worker")
 CHOSEN = {"database": "CHOSEN", "performer": "CHOSEN", "cameras": "RECORDED", "put_on": False}
 
 

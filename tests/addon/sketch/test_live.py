@@ -13,6 +13,8 @@ from perfanim.core.body.motion import Motion
 from played import curves_of, key_times
 from sketched import MET, PATIENCE_S, distances, drawn_hand, drawn_path, play, played_live, sketch_of, solve
 
+pytestmark = pytest.mark.usefixtures("near_worker")  # but live has a process
+
 
 def test_the_body_follows_edits(part: Any, keyed: bpy.types.Object, walk: Motion) -> None:
     solve(part)

@@ -10,6 +10,8 @@ from perfanim.core.body.motion import Motion
 from played import curves_of, key_times
 from sketched import EVERY, MET, distances, key, sketch_of, solve
 
+pytestmark = pytest.mark.usefixtures("near_worker")
+
 
 def test_controls_stand_at_the_present_pose(part: Any, keyed: bpy.types.Object) -> None:
     controls = part("sketch.controls")
