@@ -13,6 +13,7 @@ import pytest
 from perfanim.core.cli.batch.plan import plan_of
 from perfanim.core.cli.batch.run_batch import run_batch
 from perfanim.core.cli.batch.take_record import BAD, DOUBTFUL, GOOD, failed_record
+from perfanim.core.cli.main import main
 from perfanim.core.errors import FormatError, SettingsError
 from perfanim.core.formats.markers.marker_files import read_take
 from perfanim.core.formats.motion.read_motion import read_motion
@@ -138,17 +139,16 @@ def test_doubtful_takes_say_why(inputs, tmp_path):
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="elsewhere names of files are text")
-def test_names_that_are_no_text_are_taken_like_others(inputs, tmp_path):
+def test_names_that_are_no_text_are_taken_like_others(inputs, tmp_path, capsys):
     takes, name = tmp_path / "takes", os.fsdecode(b"caf\xe9")
     takes.mkdir()
     shutil.copy(inputs.takes / "a.c3d", takes / f"{name}.c3d")
     (takes / f"{name}-broken.trc").write_text("PathFileType\t4\nno more than that\n")
     line = ["--database", str(inputs.database), "--subject", str(inputs.subject), "--out", str(tmp_path / "out")]
-    command = [sys.executable, "-m", "perfanim.core.cli.main", "batch", str(takes), *line, "--json"]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert done.returncode == 1  # as one is broken
-    assert "Traceback" not in done.stderr
-    told = json.loads(done.stdout)
+    assert main(["batch", str(takes), *line, "--jobs", "1", "--json"]) == 1  # as one is broken
+    said = capsys.readouterr()
+    assert "Traceback" not in said.err
+    told = json.loads(said.out)
     assert (told["good"] + told["doubtful"], told["bad"]) == (1, 1)
     assert (tmp_path / "out" / f"{name}.bvh").exists()
     assert 'href="caf%E9.bvh"' in (tmp_path / "out" / "summary.html").read_text()
