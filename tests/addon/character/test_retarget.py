@@ -2,7 +2,6 @@
 
 import json
 import shutil
-import subprocess
 import sys
 from pathlib import Path
 from typing import Any
@@ -14,7 +13,7 @@ from heroes import at_24_fps, clip, open_hero
 from perfanim.core.body.motion import Motion
 from perfanim.core.body.skeleton import forward_kinematics
 from perfanim.core.body.standard_skeleton import scaled
-from perfanim.core.cli.main import build_parser
+from perfanim.core.cli.main import build_parser, main
 from perfanim.core.errors import CharacterError
 from perfanim.core.formats.motion.bvh import write_bvh
 from perfanim.core.retarget.displayed_joint_names import NAMINGS
@@ -109,14 +108,13 @@ def test_a_generated_control_rig_is_driven_by_its_controls(tmp_path: Path) -> No
     check_played(done | {"mapped": deform}, motion)
 
 
-def test_the_command_line_writes_a_file(mixamo_blend: Path, tmp_path: Path) -> None:
+def test_the_command_line_writes_a_file(mixamo_blend: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "out.blend"
     write_bvh(clip("walking-01-neutral", 20), tmp_path / "walk.bvh")
-    command = [sys.executable, "-m", "perfanim.core.cli.main", "retarget", tmp_path / "walk.bvh", "--to", mixamo_blend]
-    command += ["--out", out, "--root-motion", "object", "--json", "--render", out.with_suffix(".png")]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-    summary = json.loads(done.stdout)
+    line = ["retarget", tmp_path / "walk.bvh", "--to", mixamo_blend, "--out", out, "--root-motion", "object"]
+    capsys.readouterr()
+    assert main([*map(str, line), "--json", "--render", str(out.with_suffix(".png"))]) == 0
+    summary = json.loads(capsys.readouterr().out)
     assert summary["frames"] == 20
     assert summary["mapped"]["lfemur"] == "mixamorig:LeftUpLeg"
     assert summary["found_by"] == "names"
@@ -186,7 +184,7 @@ def test_blender_itself_does_it_where_there_is_no_module(
         (("broken.glb",), "broken.glb: cannot be read"),
     ],
 )
-def test_bad_input_is_one_line_and_no_file(
+def test_bad_characters_are_one_line_and_no_file(
     mixamo_blend: Path, tmp_path: Path, capsys: pytest.CaptureFixture, arguments: tuple, said: str
 ) -> None:
     for name in ("hero.blend", "hero.txt"):
