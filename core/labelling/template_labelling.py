@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from scipy.spatial.distance import cdist
 
 from ..geometry.arrays import Array, IntArray
 from ..geometry.gated_assignment import assign
@@ -61,9 +62,14 @@ def label_by_template(points_m: Array, template_m: Array) -> IntArray:
     needed = max(3, int(np.ceil(_S.fewest_found * len(template_m))))
     if len(points_m) < needed:
         return labels
-    best_cost = np.inf
+    best_cost, refined = np.inf, set()
     for placement in _rough_placements(points_m, template_m):
-        cost, rows, columns = _refine(points_m, template_m, placement)
+        first = _assigned(points_m, template_m, placement)[1:]
+        key = b"".join(each.tobytes() for each in first)
+        if len(first[0]) < 3 or key in refined:  # the same assignment would be refined to the same
+            continue
+        refined.add(key)
+        cost, rows, columns = _refine(points_m, template_m, *first)
         if cost < best_cost and len(rows) >= needed:
             best_cost = cost
             labels[:] = -1
@@ -75,16 +81,18 @@ def _rough_placements(points: Array, template: Array) -> list[Similarity]:
     """Return the best placements, from pairs of points assigned to distant template markers."""
     pairs = np.transpose(np.triu_indices(len(template), 1))
     spans = np.linalg.norm(template[pairs[:, 0]] - template[pairs[:, 1]], axis=-1)
-    placements, costs = [], []
+    apart = np.linalg.norm(points[:, None] - points[None], axis=-1)
+    placements = []
     for pair in np.argsort(-spans)[: _S.pairs]:
-        for i, j in np.ndindex(len(points), len(points)):
-            scale = np.linalg.norm(points[i] - points[j]) / spans[pair]
-            if i == j or abs(scale - 1.0) > _S.pair_tolerance:
-                continue
-            placed = _from_pair(template[pairs[pair]], points[[i, j]], float(np.clip(scale, *_S.scales)))
-            distances = np.linalg.norm(placed.apply(template)[:, None] - points[None], axis=-1).min(axis=1)
-            placements.append(placed)
-            costs.append(np.sum(np.minimum(distances, _S.gate_m) ** 2))
+        scales = apart / spans[pair]
+        for i, j in np.argwhere(np.abs(scales - 1.0) <= _S.pair_tolerance):
+            scale = float(np.clip(scales[i, j], *_S.scales))
+            placements.append(_from_pair(template[pairs[pair]], points[[i, j]], scale))
+    if not placements:
+        return []
+    placed = np.concatenate([placement.apply(template) for placement in placements])
+    nearest = cdist(placed, points).min(axis=1).reshape(len(placements), -1)
+    costs = np.sum(np.minimum(nearest, _S.gate_m) ** 2, axis=1)
     return [placements[k] for k in np.argsort(costs)[: _S.refined]]
 
 
@@ -97,12 +105,18 @@ def _from_pair(template_pair: Array, point_pair: Array, scale: float) -> Similar
     return Similarity(turn, point_pair.mean(axis=0) - scale * turn @ template_pair.mean(axis=0), scale)
 
 
-def _refine(points: Array, template: Array, placed: Similarity) -> tuple[float, IntArray, IntArray]:
-    """Return cost and (points, markers) after alternating assignment and placement."""
-    rows = columns = np.empty(0, dtype=np.int64)
-    for _ in range(_S.rounds):
-        distances = np.linalg.norm(points[:, None] - placed.apply(template)[None], axis=-1)
-        before, (rows, columns) = (rows, columns), assign((distances / _S.gate_m) ** 2)
+def _assigned(points: Array, template: Array, placed: Similarity) -> tuple[Array, IntArray, IntArray]:
+    """Return the distances (N, M) of points from a placed template's markers, and the assigned (points, markers)."""
+    distances = cdist(points, placed.apply(template))
+    return distances, *assign((distances / _S.gate_m) ** 2)
+
+
+def _refine(points: Array, template: Array, rows: IntArray, columns: IntArray) -> tuple[float, IntArray, IntArray]:
+    """Return cost and (points, markers) after alternating placement and assignment, from a first assignment."""
+    placed = similarity(template[columns], points[rows], _S.scales)
+    for _ in range(1, _S.rounds):
+        before = rows, columns
+        distances, rows, columns = _assigned(points, template, placed)
         if len(rows) < 3 or (np.array_equal(rows, before[0]) and np.array_equal(columns, before[1])):
             break
         placed = similarity(template[columns], points[rows], _S.scales)
