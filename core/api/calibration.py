@@ -36,13 +36,13 @@ def calibrate_cameras(
     *,
     left_right: bool = False,
 ) -> "CalibrationResult":
-    """Return the cameras that see a board: their lenses and poses, and how accurate these are.
+    """Calibrate cameras from pictures of a board; return their intrinsics and poses, and how accurate these are.
 
     Args:
         sources: Pictures of the board by camera name: folders or patterns of images, or videos.
-        board: `chessboard:9x6:24.23mm` (inner corners, edge of a square) or `charuco:7x5:40mm:30mm:DICT_4X4_50`.
+        board: `chessboard:9x6:24.23mm` (inner corners, square size) or `charuco:7x5:40mm:30mm:DICT_4X4_50`.
         progress: Called with the fraction done and the activity.
-        left_right: Refuse pictures whose first camera stands to the right of the second.
+        left_right: Raise an error if the first camera is to the right of the second.
 
     Raises:
         SettingsError: Videos and pictures are mixed, or the board's description is invalid.
@@ -57,8 +57,8 @@ def calibrate_cameras(
     videos = [name for name, pattern in patterns.items() if is_file(pattern) and not is_image_pattern(pattern)]
     if videos and len(videos) < len(patterns):
         still = next(name for name in patterns if name not in videos)
-        advice = "give videos of all cameras, or pictures of all"
-        raise SettingsError(f"{videos[0]} is a video and {still} is not", advice=advice)
+        advice = "give a video for every camera, or pictures for every camera"
+        raise SettingsError(f"{videos[0]} is a video, but {still} is not", advice=advice)
     calibrate = calibrate_videos if videos else calibrate_images
     return calibrate(patterns, parse_board(board), progress, left_right=left_right)
 
@@ -76,14 +76,14 @@ def calibrate_subject(
     Args:
         take: Take that shows the poses, see `solve`.
         marker_set: Marker set that was worn, see `load_take`.
-        poses: The pose held when the performer first stands still; or several, each found wherever it is held.
+        poses: One pose, held when the performer first stands still; or several, each found wherever it is held.
         name: Name of the performer.
         seconds: Time for which each pose is held, s, above 0.
         known: Performer whose bones are kept, so that only the markers are measured.
 
     Raises:
         SubjectError: A pose is not held, or too few markers are seen.
-        TakeError: The body's size is not human: the unit of length is wrong.
+        TakeError: The body's size is not human, so the unit of length is wrong.
     """
     worn = choose_worn(marker_set, take)
     take = import_take(take, worn, "auto")
@@ -109,16 +109,16 @@ def fit_subject(
     """Return the skeleton and marker offsets of a performer from motion alone, without held poses.
 
     Args:
-        take: Take, see `solve`; of a long one, stretches spread over it are used.
+        take: Take, see `solve`; of a long take, only stretches spread over its length are used.
         database: Motion database that contains similar motion.
         marker_set: Marker set that was worn, see `load_take`; its usual offsets guide the fit. With "auto", markers
             unknown to the set are placed from the motion.
-        height_m: Rough body height, 1 to 2.5 m; None to find it by the distances between markers.
+        height_m: Rough body height, 1 to 2.5 m; None to estimate it from the distances between markers.
         name: Name of the performer.
         progress: Called with the fraction done and the activity.
 
     Raises:
-        SubjectError: Too few frames could be explained.
+        SubjectError: The fit explains too few frames.
         TakeError: The take lacks torso markers, or the body's size is not human.
     """
     worn = choose_worn(marker_set, take)
@@ -127,7 +127,7 @@ def fit_subject(
     if not is_unnamed(take):
         take, _ = correct_labels(take, start)
     if marker_set == AUTO and not set(take.names) <= set(worn.names):
-        with contextlib.suppress(SubjectError):  # unknown markers would adapt to a body of the wrong size
+        with contextlib.suppress(SubjectError):  # otherwise unknown markers would adapt to a body of the wrong size
             start = fitted_body(take, start, database, progress)
         start = with_usual_offsets(place_markers(take, start, database, progress), take.names)
     return subject_from_motion(take, start, database, progress)

@@ -1,4 +1,4 @@
-"""Retargeting motion to characters by a separate Blender process."""
+"""Retargeting motion to characters in a separate Blender process."""
 
 import tempfile
 from dataclasses import dataclass
@@ -21,18 +21,18 @@ class RetargetRequest:
     """Character, and how it receives the motion."""
 
     character: Annotated[
-        str | None, About("humanoid of a .blend, .glb, .gltf, .vrm or .fbx file (default: a new character)")
+        str | None, About("file with a humanoid: .blend, .glb, .gltf, .vrm or .fbx (default: a new character)")
     ] = None
-    bone_map: Annotated[str | None, About("bone map: a shipped one's name or its file (default: detected)")] = None
+    bone_map: Annotated[str | None, About("bone map: name of a shipped one, or a file (default: detected)")] = None
     root_motion: Annotated[RootMotion, About("bone or object that receives the root motion")] = RootMotion.HIPS
     skeleton: Annotated[str | None, About("skeleton (.asf) of an .amc motion")] = None
     naming: Annotated[
         str | None,
-        About("names of the bones in a file for other programs (default: the character's own)", choices=tuple(NAMINGS)),
+        About("bone names in a file for other programs (default: the character's own)", choices=tuple(NAMINGS)),
     ] = None
-    picture: Annotated[str | None, About("picture (.png) to render, too")] = None
+    picture: Annotated[str | None, About("picture (.png) to render as well")] = None
     frame: Annotated[int | None, About("frame of the picture, from 1 (default: the middle one)")] = None
-    blender: Annotated[str | None, About("Blender's program (default: its Python module, bpy)")] = None
+    blender: Annotated[str | None, About("Blender executable (default: the Python module bpy)")] = None
 
     def __post_init__(self) -> None:
         check_ranges(self)

@@ -51,41 +51,42 @@ class SolveRequest:
     """Settings of a solve."""
 
     method: Annotated[
-        str | None, About("solver method (default best; of a recorded take, as it was solved)", choices=METHODS)
+        str | None, About("solver method (default: best, or for a recorded take the recorded one)", choices=METHODS)
     ] = None
     causal: Annotated[
-        bool, About("solve each frame by earlier frames alone, as live (default: in both directions)")
+        bool, About("solve each frame from earlier frames only, as live (default: from earlier and later ones)")
     ] = False
     refine_body: Annotated[
-        bool, About("first correct the performer's bones and marker offsets by this take; no file is changed")
+        bool, About("first correct the performer's bones and marker offsets with this take; no file is changed")
     ] = False
     trust_labels: Annotated[
         bool,
         About(
-            "take a marker take's labels as they are (default: exchanged, frozen and wild ones are found, see doubtful)"
+            "use a marker take's labels as they are (default: exchanged, frozen and outlying ones are found and listed "
+            "as doubtful)"
         ),
     ] = False
     smooth_hz: Annotated[
         float | None,
         About(
-            "cut-off of a low-pass without lag, for a marker take's trajectories and for the motion; walking keeps its "
-            "shape from 6 Hz up (default: no low-pass)",
+            "cut-off of a zero-lag low-pass filter for a marker take's trajectories and for the motion; 6 Hz and above "
+            "preserve a walk (default: no filter)",
             "Hz",
             above=0.0,
         ),
     ] = None
     feet: Annotated[
         str,
-        About("feet to hold in place: auto, those that stand; always, the lower one even if it glides", choices=FEET),
+        About("feet to hold in place: auto, planted feet; always, the lower foot even while it slides", choices=FEET),
     ] = "off"
     markers: Annotated[
         tuple[str, ...], About("markers of a marker take to solve with; the others measure the error (default: all)")
     ] = ()
     place_markers: Annotated[
-        bool, About("let the motion of a marker take place the markers that the performer's set does not know")
+        bool, About("from a marker take's motion, find the offsets of markers unknown to the performer's set")
     ] = False
     marker_count: Annotated[
-        int | None, About("number of markers to choose, those that determine the body best (default: all)")
+        int | None, About("number of markers to solve with, chosen to determine the body best (default: all)")
     ] = None
 
     def __post_init__(self) -> None:
@@ -105,10 +106,10 @@ def solve(
     """Return the full-body poses and motion of a take.
 
     Args:
-        take: Marker take, or recorded take. Labels are matched, and unless it is upright, the axis along which the
-            performer stands becomes y, as by `load_take`.
-        subject: Performer; None for the one that a recorded take names. The motion of a marker take shows bones and
-            offsets, see `fit_subject`.
+        take: Marker take, or recorded take. As by `load_take`, the labels of a marker take are matched, and unless it
+            is upright already, the axis along which the performer stands becomes y.
+        subject: Performer; None for a recorded take's own performer, or to fit one to a marker take's motion as by
+            `fit_subject`.
         database: Motion database or its file; None for the one named in a recorded take, or else the starter database.
         request: How to solve.
         progress: Called with the fraction done and the activity.
@@ -138,7 +139,7 @@ def solve_unmeasured(
     progress: Progress = no_progress,
     cache: SessionCache | None = None,
 ) -> SolvedTake:
-    """Solve a take with y up of a performer whose bones and offsets its motion shows; see `fit_subject` and `solve`."""
+    """Solve a y-up take of a performer who is fitted to its motion first; see `fit_subject` and `solve`."""
     cache = cache or SessionCache()
     opened = _opened(database, cache)
     subject = fit_subject(take, opened, marker_set, progress=lambda share, text: progress(0.5 * share, text))
@@ -164,7 +165,7 @@ def solve_markers(
     progress: Progress = no_progress,
     cache: SessionCache | None = None,
 ) -> SolvedTake:
-    """Solve a take with y up and the names of the subject's marker set; arguments and errors are those of `solve`.
+    """Solve a y-up take with the marker names of the subject's set; arguments and errors are those of `solve`.
 
     Args:
         cache: Cache shared by takes that are solved one after another.
@@ -199,21 +200,24 @@ def solve_markers(
 
 
 def _with_coverage(solved: SolvedTake, take: MarkerTake, subject: Subject, used: MarkerSet) -> tuple[SolvedTake, str]:
-    """Return the take with its unused markers and unobserved limbs, which lower the confidence; and both in words."""
+    """Return the take with findings about its limbs and labels, and the marker coverage in words.
+
+    Limbs without markers lower the confidence.
+    """
     shown = [name for name, visible in zip(take.names, take.visible.T, strict=True) if visible.any()]
     unused = [i for i, name in enumerate(take.names) if name in shown and name not in used.names]
     lacking = open_limbs(subject.marker_set, [name for name in shown if name in used.names])
     known = [marker.name for marker in used.markers if marker.name in shown and not marker.placed]
     inferred = [limb for limb in open_limbs(used, known) if limb not in lacking]
-    text = "which marker is which was recognised by the motion, but not clearly: check the names"
+    text = "the labels were recognised from the motion, but not clearly: check them"
     findings = [Reason(ReasonKind.LABELS, text)] if take.is_guessed else []
     if text := contradicted_bones(solved.poses_of(), replace(subject, marker_set=used)):
         findings.append(Reason(ReasonKind.LIMB, text))
     if lacking:
-        guessed = "it is guessed" if len(lacking) == 1 else "they are guessed"
+        guessed = "its pose is guessed" if len(lacking) == 1 else "their poses are guessed"
         findings.append(Reason(ReasonKind.LIMB, f"no marker determines {_listed(lacking)}: {guessed}"))
     if inferred:
-        text = f"only markers placed by the motion determine {_listed(inferred)}: check the labels"
+        text = f"only markers placed from the motion determine {_listed(inferred)}: check the labels"
         findings.append(Reason(ReasonKind.LIMB, text))
     share = max(0.0, 1.0 - len(lacking) / len(LIMBS))
     poses = tuple(
@@ -333,7 +337,7 @@ def _choose_worn(
 
 
 def _left_out_rms_m(take: MarkerTake, subject: Subject, worn: Subject, motion: Motion) -> float:
-    """Return the RMS distance of the markers that were not solved with, NaN without any."""
+    """Return the RMS error of the markers that were left out of the solve, or NaN if there are none."""
     suit = subject.marker_set
     left_out = [i for i, name in enumerate(suit.names) if name in take.names and name not in worn.marker_set.names]
     if not left_out:
@@ -361,11 +365,13 @@ def _settings(take: TakeFile, method: str | None) -> SolveSettings:
     try:
         return SolveSettings.of_table(given)
     except TypeError as error:
-        raise TakeError(f"was solved with settings unknown to this version ({error})", where=str(take.path)) from error
+        advice = f"solve it with {take.setup.software or 'the version that recorded it'}"
+        what = f"was solved with settings unknown to this version ({error})"
+        raise TakeError(what, where=str(take.path), advice=advice) from error
 
 
 def _recorded_figures(solved: SolvedTake, setup: CaptureSetup) -> Facts:
-    """Return the notable passages, in seconds from the start, and figures for props and the other performers."""
+    """Return the relabelled stretches, in seconds from the start, and figures for props and the other performers."""
     times_s = [pose.time_s - solved.poses[0].time_s for pose in solved.poses]
     figures: Facts = {
         "relabelled": [

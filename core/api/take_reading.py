@@ -37,12 +37,12 @@ def load_take(
             matches most labels. Case, separators and a subject's name in front of a label are ignored.
         up: Axis of the file that points up: "y", "z", "auto" for the axis along which the performer stands, "feet" to
             fit the floor to the feet and make it y = 0; None to keep the file's axes.
-        names: Marker for each label that matches none, or a TOML file with these in a table `[names]`.
+        names: Marker for each label that matches none, or a TOML file with a table `[names]` of them.
 
     Raises:
         FormatError: The file is damaged or is not a marker take.
         TakeError: The labels are not those of the marker set, or the vertical cannot be found.
-        MarkerSetError: The marker set does not exist, or `up` needs usual offsets that it does not have.
+        MarkerSetError: The marker set does not exist, or `up` needs usual offsets that the set lacks.
     """
     take = read_labelled(path, names)
     if is_recorded(path) or is_unnamed(take):
@@ -64,17 +64,17 @@ def labelled_by(
     where: str = "",
     progress: Progress = no_progress,
 ) -> tuple[MarkerTake, MarkerSet]:
-    """Return a take and the marker set that is worn; for "auto", labels that say nothing are replaced by the motion's.
+    """Return a take and the marker set that is worn; for "auto", unusable labels are recognised from the motion.
 
-    Labels that no set knows say nothing, nor do those of a set between which there are distances that no body has.
+    Labels are unusable if no set knows them, or if the distances between these markers fit no body.
 
     Args:
         marker_set: As for `load_take`.
         take: Take under the names of its file.
-        database: Motion that shows which trajectory is which marker; None to refuse unknown labels.
+        database: Motion database from which markers are recognised; None to refuse unknown labels.
 
     Raises:
-        TakeError: The labels say nothing, and the motion does not show the markers.
+        TakeError: The labels are unusable, and the markers cannot be recognised from the motion.
     """
     if marker_set != AUTO or database is None or take.single is not None or is_unnamed(take):
         return take, choose_worn(marker_set, take, where)
@@ -82,12 +82,12 @@ def labelled_by(
         worn = choose_worn(marker_set, take, where)
         if contradiction(take, worn, database) < 1.0:
             return take, worn
-        why = f"its labels are wrong: no body has such distances between the markers of {worn.name}"
+        why = f"its labels are wrong: the distances between the markers of {worn.name} fit no body"
     except TakeError as error:
         why = error.what
     suit = recognise_suit(replace(take, name=where or take.name), database, why, progress)
     shown = int(take.visible.any(axis=0).sum())
-    found = f"{len(suit.names)} of {shown} markers were recognised by their motion: {suit.marker_set.name}"
+    found = f"{len(suit.names)} of {shown} markers were recognised from their motion: {suit.marker_set.name}"
     named = rename_labels(take, suit.names)
     return replace(named, notes=(*take.notes, f"{why}; {found}"), is_guessed=not suit.is_clear), suit.marker_set
 

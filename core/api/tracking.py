@@ -1,4 +1,4 @@
-"""Tracking markers in images from calibrated cameras, to trajectories or to a recorded take."""
+"""Tracking of markers in the images of calibrated cameras, into trajectories or a recorded take."""
 
 import time
 from collections.abc import Iterator, Sequence
@@ -41,14 +41,14 @@ from ..vision.tracked_take import image_take, labelled_rms_px, synchronise_frame
 
 Facts = dict[str, Any]
 
-_LATER = "none: solving the take gives them by the body"
+_LATER = "none: solving the take labels the markers"
 
 
 @dataclass(frozen=True)
 class _Settings:
     background_samples: int = 31  # images of the take used to learn its background
     empty_samples: int = 240  # largest number of images without the performer used to learn the background
-    worn_share: float = 0.25  # share of frames that must show all worn markers; single markers are hidden more often
+    worn_share: float = 0.25  # share of frames in which all worn markers are assumed visible, to count them
 
 
 _SETTINGS = _Settings()
@@ -63,14 +63,14 @@ class TrackRequest:
     out: Annotated[
         str,
         About(
-            "take to write: .take.npz, .trc, .csv or .c3d; or .perftake, all that the cameras saw, without labels, "
-            "which solving gives it",
+            "take to write: .take.npz, .trc, .csv or .c3d; or .perftake for everything that the cameras saw, which is "
+            "labelled when it is solved",
         ),
     ]
-    marker_set: Annotated[MarkerSet | None, About("marker set; without one trajectories are M01, M02, ...")] = None
+    marker_set: Annotated[MarkerSet | None, About("marker set; without one, trajectories are M01, M02, ...")] = None
     subject: Annotated[Subject | None, About("performer, with this marker set")] = None
     database: Annotated[
-        Database | None, About("motion database, to label the markers by the body; a recorded take only names it")
+        Database | None, About("motion database, to label the markers with the body; a recorded take only names it")
     ] = None
     background: Annotated[
         tuple[str, ...],
@@ -80,27 +80,27 @@ class TrackRequest:
         float | None, About("grey levels above the background (default: automatic)", "grey levels")
     ] = None
     fps: Annotated[
-        float | None, About("frames per second, where the source does not tell", "frames per second", 1.0, 1000.0)
+        float | None, About("frames per second, if the source does not state them", "frames per second", 1.0, 1000.0)
     ] = None
     seconds: Annotated[
-        float | None, About("stop after so many seconds (needed for cameras)", "s", above=0.0, most=86400.0)
+        float | None, About("stop after this many seconds (required for live cameras)", "s", above=0.0, most=86400.0)
     ] = None
     markers: Annotated[
         int | None,
-        About("how many markers are worn (default: the set's, or as many as are seen at most times)", "", 1, 200),
+        About("number of markers worn (default: the set's, or estimated from the visible ones)", "", 1, 200),
     ] = None
     time_offsets: Annotated[
-        bool, About("bring the markers of a camera that is found to be late to the time of the others")
+        bool, About("shift the markers of a camera that is found to be late to the time of the others")
     ] = True
     floor: Annotated[
         str,
         About(
-            "the take's world: the left camera's level (camera), or the floor under the feet at y = 0 (feet; needs a "
+            "world of the take: the calibration's (camera), or with the floor under the feet at y = 0 (feet; needs a "
             "marker set with markers on the feet)",
             choices=("camera", "feet"),
         ),
     ] = "camera"
-    level_rig: Annotated[str | None, About("file for the calibration in the world of the feet")] = None
+    level_rig: Annotated[str | None, About("file to write the calibration to, moved to that floor")] = None
     truth: Annotated[
         str | None, About("trajectories to compare with, frame by frame (.trc, .c3d, .csv, .take.npz)")
     ] = None
@@ -124,7 +124,7 @@ def track(request: TrackRequest, progress: Progress = no_progress) -> Facts:
 
     Raises:
         CaptureError: A source cannot be opened.
-        SettingsError: A camera is tracked without a time limit.
+        SettingsError: A live camera is tracked without a time limit.
         TakeError: No markers were found, or they do not belong to the performer.
         FormatError: The output cannot be written.
     """
@@ -153,7 +153,7 @@ def _pipeline(request: TrackRequest, source: Any, progress: Progress) -> MarkerP
 
 
 def learn_from_source(pipeline: MarkerPipeline, source: Any) -> None:
-    """Learn the background from the take's own images; impossible from a single image."""
+    """Learn the background from the take's own images, unless there is only one."""
     samples = list(source.samples(_SETTINGS.background_samples))
     if len(samples) > 1:
         pipeline.learn_from_take(samples)
@@ -178,7 +178,7 @@ def _detect(
 
 
 def _record(request: TrackRequest, frames: Iterator[MarkerFrame], *, keep_cut: bool) -> Facts:
-    """Write a recorded take while its frames arrive, and return its figures."""
+    """Write frames to a recorded take as they arrive; return its figures."""
     performers = (request.subject,) if request.subject is not None else ()
     known = identity(request.database) if request.database is not None else {}
     capture = {"tracked": list(request.sources), "threshold": request.threshold}
@@ -195,7 +195,9 @@ def _record(request: TrackRequest, frames: Iterator[MarkerFrame], *, keep_cut: b
     finally:
         written.unlink(missing_ok=True)
     if request.marker_set is not None and request.subject is None:
-        facts["warnings"].append("a .perftake without a body holds no marker set: name it when the take is solved")
+        facts["warnings"].append(
+            "a .perftake without a performer stores no marker set: name the set when you solve the take"
+        )
     return facts | {"names": [], "labels": _LATER}
 
 
@@ -237,7 +239,7 @@ def _write_trajectories(request: TrackRequest, seen: Sequence[MarkerFrame], fps:
 def _label(
     request: TrackRequest, frames: Sequence[MarkerFrame], fps: float, progress: Progress
 ) -> tuple[MarkerTake, Facts]:
-    """Return the take with the labels of a session, and figures about the fit."""
+    """Return the take as labelled by a session, and figures about the fit."""
     assert request.subject is not None and request.database is not None  # noqa: S101 - checked with the options
     session = Session(request.subject, request.database, request.rig)
 
@@ -253,7 +255,7 @@ def _label(
     off_mm = measured["marker_rms_mm"]
     wrong = f"the body of {name} does not explain the markers ({off_mm:.0f} mm off): {advice}"
     return take, {
-        "labels": f"by the body of {name}",
+        "labels": f"found with the body of {name}",
         "one_camera_fraction": float(np.mean([pose.single_cameras >= 0 for pose in solved.poses_of()])),
         "marker_rms_mm": off_mm,
         "confidence": measured["confidence"],
@@ -298,7 +300,7 @@ def _is_endless(source: Any) -> bool:
 
 
 def _frame_facts(rig: CameraRig, frames: Sequence[MarkerFrame], worn: int | None) -> Facts:
-    """Return figures about unlabelled markers; without `worn`, the count that a quarter of the frames reach is used.
+    """Return figures about unlabelled markers; if `worn` is None, the count that a quarter of the frames reach is used.
 
     Raises:
         TakeError: No frame shows any markers.
@@ -308,7 +310,7 @@ def _frame_facts(rig: CameraRig, frames: Sequence[MarkerFrame], worn: int | None
     shown = np.sort(rays if len(rig) == 1 else points)[::-1]
     if not shown.any():
         advice = "check the threshold, the cameras' order and the calibration"
-        raise TakeError("almost no markers were found", advice=advice)
+        raise TakeError("no markers were found", advice=advice)
     worn = worn or max(int(shown[int(_SETTINGS.worn_share * len(shown))]), 1)
     located = np.minimum(points, worn)
     return {

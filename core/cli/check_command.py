@@ -1,4 +1,4 @@
-"""`perfanim check cameras` and `board`: find faults of light, cameras and markers."""
+"""`perfanim check cameras` and `board`: find faults in lighting, cameras and markers."""
 
 import argparse
 from contextlib import closing
@@ -9,21 +9,21 @@ from .options import add_choice, add_command, add_group, add_number, add_source_
 
 
 def add_parser(subparsers: Any) -> None:
-    group = add_group(subparsers, "check", "find faults of light, cameras and markers before a capture")
-    cameras = add_command(group, "cameras", _check_cameras, "pictures of the empty room and of a performer")
+    group = add_group(subparsers, "check", "find faults in lighting, cameras and markers before a capture")
+    cameras = add_command(group, "cameras", _check_cameras, "pictures of the empty capture space and of a performer")
     add_source_options(
         cameras,
         "a video, or a folder or pattern of images: the performer in a T pose for two seconds, then walking about",
     )
-    add_text(cameras, "--background", "SRC", "the empty room, one source per camera", nargs="+", required=True)
+    add_text(cameras, "--background", "SRC", "the empty capture space, one source per camera", nargs="+", required=True)
     add_text(cameras, "--marker-set", "NAME", "shipped marker set or TOML file (default boxing)", default="boxing")
-    add_number(cameras, "--height", "M", "height of the performer in metres: shows a wrong scale more surely")
+    add_number(cameras, "--height", "M", "height of the performer in metres, which reveals a wrong scale more reliably")
     add_choice(
         cameras,
         "--ignore",
         ("reflections", "none"),
-        "reflections: store those found in the calibration, so that track and captures ignore these places (and "
-        "markers there); none: forget the stored places",
+        "reflections: store the places of reflections in the calibration, so that tracking and captures ignore them "
+        "(and any marker there); none: clear the stored places",
     )
     board = add_command(group, "board", _check_board, "pictures of the calibration board")
     add_text(board, "--left", "SRC", "a video, or a folder or pattern of images of the board", required=True)
@@ -43,11 +43,11 @@ def _check_cameras(args: argparse.Namespace, progress: Progress) -> dict[str, An
     rig, marker_set = load_rig(args.cameras), load_marker_set(args.marker_set)
     if args.ignore == "none":
         rig = rig.ignoring(())
-    progress(0.0, "learning the empty room")
+    progress(0.0, "learning the background")
     with closing(open_image_source(*args.background)) as empty:
         backgrounds = learn_backgrounds(empty.samples(60))
     with closing(open_image_source(args.left, args.right, *args.camera, size=rig.cameras[0].image_size)) as source:
-        most = max(int(20.0 * source.fps), 1)  # 20 seconds
+        most = max(int(20.0 * source.fps), 1)  # the first 20 s suffice
         moments = _first(source, most, progress)
         findings = check_setup(rig, backgrounds, moments, marker_set, args.height)
     places = rig.ignored.tolist()
@@ -76,7 +76,7 @@ def _check_board(args: argparse.Namespace, progress: Progress) -> dict[str, Any]
 
 
 def _first(source: Any, most: int, progress: Progress) -> Any:
-    """Yield the first seconds of a source."""
+    """Yield the first `most` sets of images of a source."""
     for number, moment in enumerate(source):
         if number == most:
             return
@@ -86,4 +86,4 @@ def _first(source: Any, most: int, progress: Progress) -> Any:
 
 def _summary(findings: Any) -> dict[str, Any]:
     texts = [{"fault": str(finding.fault), "advice": finding.text} for finding in findings]
-    return {"verdict": "mend first" if texts else "good", "findings": texts}
+    return {"verdict": "fix first" if texts else "good", "findings": texts}

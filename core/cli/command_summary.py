@@ -50,7 +50,7 @@ def _figure_lines(label: str, value: Any) -> list[str]:
         parts = [f"{name} {_short(item)}" for name, item in value.items()]
         return [f"{label}: " + ", ".join(parts[:12] + [f"and {len(parts) - 12} more, see --json"] * (len(parts) > 12))]
     if isinstance(value, list) and all(isinstance(row, dict) for row in value):
-        # an empty value in a row says nothing; a moment of 0.0 does
+        # empty values are left out of rows, but not a time of 0.0
         rows = [[_row_value(*item) for item in row.items() if item[1] or isinstance(item[1], float)] for row in value]
         return [f"{label}: {len(value)}", *_cut_rows([", ".join(row) for row in rows])]
     if isinstance(value, list) and len(value) > 12 and not isinstance(value[0], str):

@@ -29,13 +29,13 @@ from .options import (
 
 def add_parser(subparsers: Any) -> None:
     group = add_group(subparsers, "database", "build, get or inspect a motion database")
-    build = add_command(group, "build", _build, "motion files to a database")
+    build = add_command(group, "build", _build, "build a database from motion files")
     build.add_argument("sources", nargs="+", metavar="SRC", help="BVH or AMC file, folder, .zip or .tar archive")
     _add_build_options(build, out_required=True)
-    get = add_command(group, "get", _get, "a public collection of motion from the network, and a database of it")
-    listed = "collection of the list, or the address of an archive (default: print the list)"
+    get = add_command(group, "get", _get, "download a public motion collection, and build a database from it")
+    listed = "name of a listed collection, or the URL of an archive (default: print the list)"
     get.add_argument("collection", nargs="?", metavar="NAME|URL", help=listed)
-    add_text(get, "--to", "DIR", "folder of the archives (default: this one)", type=Path, default=Path())
+    add_text(get, "--to", "DIR", "folder for archives (default: the current one)", type=Path, default=Path())
     _add_build_options(get, out_required=False)
     info = add_command(group, "info", _info, "contents of a database")
     info.add_argument("database", metavar="DB")
@@ -44,16 +44,16 @@ def add_parser(subparsers: Any) -> None:
 def _add_build_options(parser: Any, out_required: bool) -> None:
     add_text(parser, "--out", "DB", "database file to write", required=out_required)
     parser.add_argument("--fps", type=float, default=60.0, help="frames per second stored (default 60)")
-    add_repeated(parser, "--include", "GLOB", "take only files of this name or behaviour; repeatable")
+    add_repeated(parser, "--include", "GLOB", "use only files of this name or behaviour; repeatable")
     add_repeated(parser, "--exclude", "GLOB", "leave out files of this name or behaviour; repeatable")
     add_switch(parser, "--mirror", "add the mirror image of every clip")
     usual = SETTINGS.distance_deg
     cull = (
-        "leave out passages that an earlier clip holds within DEG degrees, root mean square over the joint "
-        f"angles (default {usual:g} when given without a number; else none are)"
+        "leave out passages that differ from an earlier clip by at most DEG degrees, RMS over the joint angles "
+        f"({usual:g} if given without a number; default: keep all)"
     )
     add_number(parser, "--cull", "DEG", cull, nargs="?", const=usual, default=0.0)
-    add_text(parser, "--workers", "N", "processes that read (default: one a core where it is worth it)", type=int)
+    add_text(parser, "--workers", "N", "processes that read files (default: one per core if that is faster)", type=int)
 
 
 def _build(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
@@ -62,10 +62,10 @@ def _build(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
 
 
 def _get(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
-    _check_build_options(args)  # before hours of computing
+    _check_build_options(args)  # before hours of work
     if args.collection is None:
         if args.out is not None:
-            raise SettingsError("--out needs a collection", advice=f"give {', '.join(public_collections())}")
+            raise SettingsError("--out needs a collection", advice=f"give one of {', '.join(public_collections())}")
         return {"collections": [asdict(each) for each in public_collections().values()]}
     share = 1.0 if args.out is None else 0.5
     archive = get_collection(args.collection, args.to, lambda fraction, text: progress(share * fraction, text))

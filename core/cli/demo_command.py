@@ -1,4 +1,4 @@
-"""`perfanim demo`: the whole process with a simulated performer."""
+"""`perfanim demo`: run the whole chain on a simulated performer."""
 
 import argparse
 import importlib.util
@@ -14,7 +14,7 @@ from .options import add_command, add_number, add_text, check_range
 
 
 def add_parser(subparsers: Any) -> None:
-    about = "the whole chain on the embedded default: performer, cameras, tracking, solve, character"
+    about = "run the whole chain on a simulated performer: cameras, tracking, solving, retargeting"
     parser = add_command(subparsers, "demo", run, about)
     add_text(parser, "--out", "DIR", "folder for the results (default out/demo)", default="out/demo")
     add_number(parser, "--seconds", "S", "length of the performance (default 21)", default=21.0)

@@ -39,7 +39,7 @@ def library_facts(name: str) -> str:
     try:
         return importlib.metadata.version(LIBRARIES[name])
     except importlib.metadata.PackageNotFoundError:
-        return "of unknown version"
+        return "unknown version"
 
 
 def _cameras() -> list[dict[str, Any]]:

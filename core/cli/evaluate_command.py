@@ -1,4 +1,4 @@
-"""`perfanim evaluate`: compare a motion with its truth."""
+"""`perfanim evaluate`: compare a motion with the ground truth."""
 
 import argparse
 from pathlib import Path
@@ -11,7 +11,7 @@ from .options import add_command, add_text
 
 
 def add_parser(subparsers: Any) -> None:
-    parser = add_command(subparsers, "evaluate", _run, "compare a motion with its truth")
+    parser = add_command(subparsers, "evaluate", _run, "compare a motion with the ground truth")
     parser.add_argument("motion", metavar="MOTION", help=".bvh or .amc")
     add_text(parser, "--truth", "TRUTH", ".bvh or .amc", required=True)
     add_text(parser, "--skeleton", "FILE.asf", "skeleton of AMC files; its axes are those of the joint angles")

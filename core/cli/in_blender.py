@@ -9,7 +9,7 @@ from collections.abc import Sequence
 
 def run(arguments: Sequence[str]) -> int:
     """Run a command and return its exit status; exit if standard input closes because Blender has ended."""
-    from .main import main  # it sets environment variables for the whole process
+    from .main import main  # not at the top: it sets environment variables for the whole process
 
     signal.signal(signal.SIGINT, signal.default_int_handler)
     threading.Thread(target=_end_with_blender, daemon=True).start()

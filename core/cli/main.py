@@ -62,7 +62,7 @@ class _Parser(argparse.ArgumentParser):
     """Parser for the program and each command, with short one-line messages."""
 
     def error(self, message: str) -> NoReturn:
-        """End with exit status 2 and one line of limited length: a page of options would hide it."""
+        """End with exit status 2 and a short one-line message, which a page of options would hide."""
         start, advice = f"{self.prog}: error: ", f" (usage: {self.prog} --help)"
         self.exit(2, start + fit_sentence(message, MOST_TEXT - len(start + advice)) + advice + "\n")
 
@@ -91,7 +91,7 @@ def _add_json_option(parser: argparse.ArgumentParser) -> None:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command and return its exit status."""
-    # otherwise C libraries would write into the next file that gets the number of a closed stream
+    # or C libraries would write into the next file that gets the descriptor of a closed stream
     sys.stdout = sys.stdout or Path(os.devnull).open("w", encoding="utf-8")  # noqa: SIM115 - open until the end
     sys.stderr = sys.stderr or Path(os.devnull).open("w", encoding="utf-8")  # noqa: SIM115 - open until the end
     try:

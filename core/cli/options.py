@@ -90,13 +90,13 @@ def add_group(subparsers: Any, name: str, description: str) -> Any:
 
 
 def seed(text: str) -> int:
-    """Return a seed, a whole number from 0."""
+    """Return a seed, a whole number of at least 0."""
     try:
         number = int(text)
     except ValueError:
         number = -1
     if number < 0:
-        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number from 0")
+        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number of at least 0")
     return number
 
 
@@ -140,16 +140,16 @@ def add_motion_options(parser: Any, *, defaults: bool = True) -> None:
 
 
 def add_character_options(parser: Any, root_motion: str | None = "hips") -> None:
-    """Add the options for retargeting a motion to a character, with this default of --root-motion."""
+    """Add the options for retargeting a motion to a character; `root_motion` is the default of --root-motion."""
     add_text(parser, "--map", "PRESET_OR_FILE", "bone map: rigify-controls or a TOML file (default: detected)")
     carriers = [kind.name.lower().replace("_", "-") for kind in RootMotion]
     carrier = "bone or object that receives the root motion (default hips)"
     add_choice(parser, "--root-motion", carriers, carrier, default=root_motion)
-    add_text(parser, "--blender", "FILE", "Blender to do it with (default: its Python module, bpy)")
+    add_text(parser, "--blender", "FILE", "Blender executable (default: the Python module bpy)")
 
 
 def add_source_options(parser: Any, source: str) -> None:
-    """Add the calibration and a source of images for each camera, with this description."""
+    """Add options for the calibration and for each camera's images, which `source` describes."""
     add_text(parser, "--cameras", "cameras.toml", "the calibration", required=True)
     add_text(parser, "--left", "SRC", source, required=True)
     add_text(parser, "--right", "SRC", "the same for the right camera", required=True)

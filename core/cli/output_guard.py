@@ -16,7 +16,7 @@ def guarded_run(args: argparse.Namespace, progress: Any) -> Any:
     """Run a command and return its summary.
 
     Raises:
-        PerfanimError: The command failed, an output is one of its inputs, or another program is writing it.
+        PerfanimError: The command failed, an output is one of its inputs, or another program is writing to it.
     """
     outputs = [Path(value) for name in _OUTPUTS if (value := getattr(args, name, None))]
     inputs = [path for name, value in vars(args).items() if name not in _OUTPUTS for path in _paths(value)]

@@ -10,7 +10,7 @@ from .options import add_text
 
 
 def add_body_options(parser: argparse.ArgumentParser, subject: str, skeleton: str) -> None:
-    """Add --subject and --skeleton, which exclude each other, with these descriptions."""
+    """Add --subject and --skeleton, which exclude each other; the arguments describe them."""
     body = parser.add_mutually_exclusive_group()
     add_text(body, "--subject", "FILE", subject)
     add_text(body, "--skeleton", "FILE", skeleton)
@@ -22,7 +22,7 @@ def add_names_option(parser: Any) -> None:
         "--names",
         metavar="FILE",
         help='TOML file with a table [names] from label to marker ("Knee 1" = "LKNE"); other labels match '
-        "markers of the same spelling, whatever the case, separators and the subject before them",
+        "markers of the same name, ignoring case, separators and a subject prefix",
     )
 
 

@@ -1,4 +1,4 @@
-"""`perfanim retarget`: put a motion on a character."""
+"""`perfanim retarget`: retarget a motion to a character."""
 
 import argparse
 from pathlib import Path
@@ -11,7 +11,7 @@ from .options import add_character_options, add_command, add_request_options, ad
 
 
 def add_parser(subparsers: Any) -> None:
-    parser = add_command(subparsers, "retarget", run, "a motion onto a character (needs bpy or Blender)")
+    parser = add_command(subparsers, "retarget", run, "retarget a motion to a character (needs bpy or Blender)")
     parser.add_argument("motion", metavar="MOTION", help="motion: .bvh or .amc")
     add_character_options(parser)
     add_request_options(

@@ -1,4 +1,4 @@
-"""`perfanim simulate markers` and `cameras`: make takes and videos from motion, with the truth."""
+"""`perfanim simulate markers` and `cameras`: make takes and videos from motion, with ground truth."""
 
 import argparse
 from pathlib import Path
@@ -26,7 +26,7 @@ _CODECS = {"huffyuv": LOSSLESS, "ffv1": (".mkv", "FFV1"), "mjpeg": (".avi", "MJP
 
 def add_parser(subparsers: Any) -> None:
     group = add_group(subparsers, "simulate", "marker takes and camera videos made from motion")
-    markers = add_command(group, "markers", _simulate_markers, "marker take from motion, with its truth")
+    markers = add_command(group, "markers", _simulate_markers, "marker take from motion, with ground truth")
     _add_motion(markers)
     add_text(markers, "--marker-set", "NAME", "shipped marker set or TOML file", required=True)
     add_text(markers, "--out", "TAKE", "take to write: .take.npz, .csv or .trc", required=True)
@@ -34,19 +34,21 @@ def add_parser(subparsers: Any) -> None:
     add_number(markers, "--noise-mm", "S", "standard deviation per coordinate, mm (default 0)", default=0.0)
     add_number(markers, "--dropout", "P", "share of positions that are missing (default 0)", default=0.0)
     add_text(markers, "--seed", "N", "seed of noise and gaps (default 0)", type=seed, default=0)
-    about = "videos of two or more cameras, pictures of the board, and all truth, made from motion"
+    about = "videos of two or more cameras and pictures of the board, with ground truth, from motion"
     cameras = add_command(group, "cameras", _simulate_cameras, about)
     _add_motion(cameras)
-    add_text(cameras, "--out", "DIR", "new folder for everything", required=True)
+    add_text(cameras, "--out", "DIR", "new folder for all files", required=True)
     add_text(cameras, "--marker-set", "NAME", "shipped marker set or TOML file (default boxing)", default="boxing")
     add_text(cameras, "--cameras", "N", "how many cameras (default 2)", type=int, default=2)
     add_number(cameras, "--fps", "HZ", "images per second (default 60)", default=FPS)
     add_number(cameras, "--t-pose", "S", "T pose before the motion, seconds (default 2; 0: none)", default=2.0)
     add_switch(cameras, "--as-recorded", "leave the motion where it is instead of bringing it in front of the cameras")
     _add_studio_options(cameras)
-    add_text(cameras, "--background", "N", "images of the empty room (default 60)", type=int, default=60)
-    add_text(cameras, "--board-views", "N", "positions of the board (default 24)", type=int, default=24)
-    codec = "huffyuv (default) and ffv1 keep every grey level; others are smaller"
+    add_text(
+        cameras, "--background", "N", "number of images of the empty capture space (default 60)", type=int, default=60
+    )
+    add_text(cameras, "--board-views", "N", "number of board poses (default 24)", type=int, default=24)
+    codec = "huffyuv (default) and ffv1 are lossless; the others make smaller files"
     add_choice(cameras, "--codec", sorted(_CODECS), codec, default="huffyuv")
 
 
@@ -58,15 +60,17 @@ def _add_motion(parser: argparse.ArgumentParser) -> None:
 def _add_studio_options(parser: argparse.ArgumentParser) -> None:
     default = StudioSettings()
     add_number(parser, "--noise", "S", "sensor noise, grey levels (default 2)", default=default.noise_sigma)
-    add_number(parser, "--marker-radius-mm", "R", "default 12.5", default=1e3 * default.marker_radius_m)
-    add_number(parser, "--exposure-ms", "T", "time that smears moving markers (default 4)", default=4.0)
-    add_number(parser, "--rolling-shutter-ms", "T", "first to last row (default 0)", default=0.0)
+    add_number(
+        parser, "--marker-radius-mm", "R", "radius of the markers (default 12.5)", default=1e3 * default.marker_radius_m
+    )
+    add_number(parser, "--exposure-ms", "T", "exposure time, which blurs moving markers (default 4)", default=4.0)
+    add_number(parser, "--rolling-shutter-ms", "T", "delay from the first to the last row (default 0)", default=0.0)
     add_number(parser, "--time-offset-ms", "T", "how late each camera is (default 0)", nargs="+", default=[])
     add_text(parser, "--ghosts", "N", "false bright blobs per camera (default 0)", type=int, default=0)
-    add_number(parser, "--dropout", "P", "chance of a marker to be missing (default 0)", default=0.0)
-    add_number(parser, "--light-drift", "P", "change of the light, share (default 0)", default=0.0)
+    add_number(parser, "--dropout", "P", "probability that a marker is missing (default 0)", default=0.0)
+    add_number(parser, "--light-drift", "P", "relative change of the light over time (default 0)", default=0.0)
     add_switch(parser, "--moved-object", "a box appears after the background was taken")
-    light = "light on room and body, share of full light (default 0.4)"
+    light = "light on room and body, as a fraction of full light (default 0.4)"
     add_number(parser, "--light", "P", light, default=default.light)
     add_switch(parser, "--no-clutter", "bare room")
     add_switch(parser, "--no-occlusion", "the body hides no markers")
@@ -100,7 +104,8 @@ def _simulate_markers(args: argparse.Namespace, progress: Progress) -> dict[str,
 def _simulate_cameras(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     check_fps(args.fps)
     if min(args.background, args.board_views) < 0 or not 0.0 <= args.t_pose <= 60.0:
-        raise SettingsError("numbers of images and the T pose's time cannot be negative")
+        advice = "give 0 or more images, and 0 to 60 s for the T pose"
+        raise SettingsError("a number of images or the T pose's time is out of range", advice=advice)
     progress(0.0, "reading")
     motion = resampled(read_motion(args.motion, args.skeleton), args.fps)
     if not args.as_recorded:

@@ -34,7 +34,7 @@ from .performer_options import add_body_options
 
 def add_parser(subparsers: Any) -> None:
     parser = add_command(subparsers, "sketch", run, "a whole body from a few keyframed trajectories")
-    files = "sketches: control,frame,x,y,z in metres, y up; or .blend files with controls (need bpy or Blender)"
+    files = "sketches: control,frame,x,y,z in metres, y up; or .blend files with controls, which need bpy or Blender"
     parser.add_argument("keys", nargs="+", metavar="KEYS.csv", help=files)
     add_text(parser, "--database", "DB", "motion database that fills in the body (default: the starter database)")
     subject = "calibrated subject with the character's bones (a .blend has its own)"
@@ -43,8 +43,8 @@ def add_parser(subparsers: Any) -> None:
     add_repeated(parser, "--behaviour", "PATTERN", "draw only from clips of this behaviour or name (repeatable)")
     add_switch(parser, "--free-feet", "do not hold standing feet in place")
     ends = ", ".join(MOTION_ENDINGS)
-    add_text(parser, "--blender", "FILE", "program that opens a .blend (default: Blender's Python module)")
-    add_text(parser, "--out", "MOTION.bvh", f"motion to write ({ends}); of several sketches a folder", required=True)
+    add_text(parser, "--blender", "FILE", "Blender executable that opens a .blend (default: the Python module bpy)")
+    add_text(parser, "--out", "MOTION.bvh", f"motion to write ({ends}); for several sketches, a folder", required=True)
     add_motion_options(parser)
 
 
@@ -81,11 +81,11 @@ def _outputs(keys: list[Path], out: Path) -> list[tuple[Path, Path]]:
     """Return each sketch with the path of its output.
 
     Raises:
-        FormatError: The output does not have the ending of a motion file, or two sketches would write the same file.
+        FormatError: The output's extension is not that of a motion file, or two sketches would write the same file.
     """
     if len(keys) == 1:
         if not is_motion(out):
-            raise FormatError("is not a motion file", where=str(out), advice=f"use {', '.join(MOTION_ENDINGS)}")
+            raise FormatError("is not a motion file", where=str(out), advice=f"use one of {', '.join(MOTION_ENDINGS)}")
         return [(keys[0], out)]
     if is_motion(out):
         raise FormatError("cannot hold several sketches", where=str(out), advice="give a folder with --out")
@@ -106,7 +106,7 @@ def _solve(
     """Solve a sketch, write its motion and return its figures.
 
     Args:
-        solver: Solver for the standard body; None to use the bones in the .blend.
+        solver: Solver for the skeleton that the options name; None to use the bones in the .blend.
     """
     sketch, skeleton = _read_blend(keys, args.blender) if _is_blend(keys) else (read_sketch(keys), None)
     if solver is None and skeleton is not None:
@@ -114,7 +114,7 @@ def _solve(
     assert solver is not None  # noqa: S101 - a sketch without a skeleton comes with --skeleton or --subject
     solution = solver.solve(sketch, settings, progress)
     first = int(sketch.frames[0])
-    # motion files count frames from 0: holding the first pose before it makes the frame numbers match the sketch's
+    # motion files count frames from 0: holding the first pose until then makes their frame numbers match the sketch's
     lead_in = first if 0 < first <= LIMITS.most_frames else 0
     written = write_motion(with_lead_in(solution.motion, lead_in), out, args.units, args.naming, args.rate)
     return _facts(solution) | {"first_frame": first, "held_frames": lead_in, "fps": written.fps, "out": str(out)}

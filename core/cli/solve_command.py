@@ -38,7 +38,7 @@ def add_parser(subparsers: Any) -> None:
         parser,
         "--database",
         "DB",
-        "motion database (default: the starter database; of a .perftake, the one it was recorded with)",
+        "motion database (default: the starter database; for a .perftake, the one it was recorded with)",
     )
     _add_performer_options(parser)
     add_request_options(
@@ -54,8 +54,8 @@ def add_parser(subparsers: Any) -> None:
     _add_marker_options(parser)
     _add_recorded_options(parser)
     written = (
-        f"motion to write ({', '.join(MOTION_ENDINGS)}), or a {ENDING}: the markers with the poses; of a {ENDING}, the "
-        "recording with the new poses"
+        f"motion to write ({', '.join(MOTION_ENDINGS)}), or a {ENDING} with the markers and the poses; from a {ENDING} "
+        "the recording with the new poses"
     )
     add_text(parser, "--out", "MOTION.bvh", written, required=True)
     add_motion_options(parser)
@@ -63,13 +63,13 @@ def add_parser(subparsers: Any) -> None:
 
 def _add_performer_options(parser: argparse.ArgumentParser) -> None:
     subject = (
-        "calibrated subject, skeleton and marker offsets (default: a .perftake's own, or fitted to the motion of a "
-        "marker take)"
+        "calibrated subject: skeleton and marker offsets (default: a .perftake's own, or fitted to a marker take's "
+        "motion)"
     )
     add_body_options(parser, subject, ".asf or .bvh with the bones to use; needs --marker-set")
     worn = (
-        f"shipped marker set or TOML file, or {AUTO}: the shipped one to which most of the take's labels belong, "
-        f"the others placed by the motion (default: the subject's; without one {AUTO})"
+        f"shipped marker set or TOML file, or {AUTO}: the shipped set that matches most of the take's labels; other "
+        f"markers are placed from the motion (default: the subject's, or {AUTO} without a subject)"
     )
     add_text(parser, "--marker-set", "NAME", worn)
 
@@ -77,27 +77,27 @@ def _add_performer_options(parser: argparse.ArgumentParser) -> None:
 def _add_marker_options(parser: argparse.ArgumentParser) -> None:
     add_names_option(parser)
     use = (
-        "solve with a few of a suit's markers: those named, or the N that determine the body best by "
+        "solve with only some of a suit's markers: those named, or the N that determine the body best according to "
         "the motion database; the others then measure the error (left_out_rms_mm)"
     )
     add_text(parser, "--use", "N|NAME,...", use)
     up = (
-        "axis of a marker file that points up: auto for the one along which the performer stands (default), feet for "
-        "the floor under the feet, which becomes y = 0"
+        "axis of a marker file that points up: auto for the one along which the performer stands (default), feet to "
+        "fit the floor to the feet and make it y = 0"
     )
     add_choice(parser, "--up", UPS, up)
 
 
 def _add_recorded_options(parser: argparse.ArgumentParser) -> None:
-    rig = "of a .perftake: another calibration to triangulate its 2D detections with (default: as live)"
+    rig = "for a .perftake: another calibration to triangulate its 2D detections with (default: as live)"
     add_text(parser, "--cameras", "cameras.toml", rig)
     prop = (
-        "of a .perftake: a prop besides the performer (repeatable; default: the recorded ones); writes "
+        "for a .perftake: a prop besides the performer (repeatable; default: the recorded ones); writes "
         "MOTION.PROP.csv beside the motion"
     )
     add_repeated(parser, "--prop", "prop.toml", prop)
     performer = (
-        "of a .perftake: a further performer before the same cameras, with a motion beside MOTION "
+        "for a .perftake: a further performer seen by the same cameras, whose motion is written beside MOTION "
         "(repeatable; default: the recorded ones)"
     )
     add_repeated(parser, "--performer", "subject.toml", performer)
@@ -123,27 +123,32 @@ def check(args: argparse.Namespace) -> None:
     """End with wrong usage for options that exclude each other.
 
     Raises:
-        FormatError: The output does not have the ending of a motion format.
+        FormatError: The output's extension is not that of a motion or a recorded take.
     """
     recorded, take_out = is_recorded(args.take), is_recorded(args.out)
-    unlabelled = "only a .perftake holds points without labels"
+    unlabelled = "only a .perftake stores unlabelled points"
     for is_wrong, message in (
-        (not recorded and args.cameras is not None, "--cameras: only a .perftake holds 2D detections of cameras"),
+        (not recorded and args.cameras is not None, "--cameras: only a .perftake stores 2D detections of cameras"),
         (not recorded and args.prop, f"--prop: {unlabelled}"),
         (not recorded and args.performer, f"--performer: {unlabelled}"),
         (recorded and args.up is not None, "--up: a .perftake has y up"),
         (recorded and args.names is not None, "--names: a .perftake has its marker set's labels"),
         (recorded and args.marker_set == AUTO, f"--marker-set {AUTO}: a .perftake has its marker set's labels"),
-        (args.cameras is not None and args.refine_body, "--refine-body: the recorded labels have the old calibration"),
+        (
+            args.cameras is not None and args.refine_body,
+            "--refine-body: not with --cameras, because the recorded labels were made with the old calibration",
+        ),
         (recorded and args.use is not None, "--use: for marker takes, not for a .perftake"),
-        (take_out and args.smooth_hz is not None, "--smooth: a .perftake holds poses as they are solved"),
-        (take_out and args.feet != "off", "--feet: a .perftake holds poses as they are solved"),
+        (take_out and args.smooth_hz is not None, "--smooth: a .perftake stores the poses as solved"),
+        (take_out and args.feet != "off", "--feet: a .perftake stores the poses as solved"),
     ):
         if is_wrong:
             args.wrong_usage(f"argument {message}")
     if not take_out and not is_motion(args.out):
-        advice = f"use {', '.join((*MOTION_ENDINGS, ENDING))}"
-        raise FormatError("cannot be written (not the ending of a motion format)", where=str(args.out), advice=advice)
+        advice = f"use one of {', '.join((*MOTION_ENDINGS, ENDING))}"
+        raise FormatError(
+            "cannot be written (not the extension of a motion format)", where=str(args.out), advice=advice
+        )
 
 
 def solve(args: argparse.Namespace, progress: Progress, cache: SessionCache) -> SolvedTake:
@@ -179,7 +184,7 @@ def _solve_markers(
     if subject is not None:
         take = fit_take(take, subject.marker_set, up)
         return solve_markers(take, subject, database, request, progress, cache)
-    assert worn is not None  # noqa: S101 - named for want of a subject
+    assert worn is not None  # noqa: S101 - a set is named if there is no subject
     fitted = AUTO if named == AUTO else worn
     return solve_unmeasured(fit_take(take, worn, up), fitted, database, request, progress, cache)
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from ..database.store import open_database
-from ..errors import SettingsError
+from ..errors import SettingsError, counted
 from ..formats.markers.marker_files import check_ending, is_recorded
 from ..geometry.camera import CameraRig
 from ..geometry.rig_file import load_rig
@@ -19,18 +19,18 @@ from .performer_options import add_body_options, chosen_marker_set, chosen_subje
 def add_parser(subparsers: Any) -> None:
     from ..api.tracking import TrackRequest
 
-    parser = add_command(subparsers, "track", run, "images to marker trajectories, or to a recorded take")
+    parser = add_command(subparsers, "track", run, "track markers in images, into trajectories or a recorded take")
     add_text(parser, "--cameras", "cameras.toml", "calibration (anipose-style TOML)", required=True)
-    source = "a video, a folder or pattern of images, a device number, a stream address"
-    add_text(parser, "--left", "SRC", f"{source}; alone: one camera, with more markers")
+    source = "a video, a folder or pattern of images, a device number or a stream address"
+    add_text(parser, "--left", "SRC", f"{source}; without --right: a single camera, which needs more markers")
     add_text(parser, "--right", "SRC", "the same for the right camera")
-    further = "any further camera, in the calibration's order; or with its name there, of which others may be left out"
+    further = "any further camera, in the calibration's order; or any by its name there, so that others can be left out"
     add_repeated(parser, "--camera", "[NAME=]SRC", further)
-    subject = "calibrated subject: labels the markers, with --database"
+    subject = "calibrated subject, to label the markers (needs --database)"
     add_body_options(parser, subject, ".asf or .bvh with the bones; needs --marker-set")
-    worn = "markers worn (default: the subject's); without a body their labels are guessed (default: M01, M02, ...)"
+    worn = "markers worn (default: the subject's); without a body, labels are guessed (default: M01, M02, ...)"
     add_text(parser, "--marker-set", "NAME_OR_FILE", worn)
-    add_text(parser, "--database", "DB", "motion database, to label the markers by the body")
+    add_text(parser, "--database", "DB", "motion database, to label the markers with the body")
     add_request_options(
         parser,
         TrackRequest,
@@ -47,10 +47,10 @@ def add_parser(subparsers: Any) -> None:
     add_switch(
         parser,
         "--no-time-offset",
-        "take images of one number as of one moment (default: where the motion shows that a camera is late, its "
-        "markers are brought to the time of the others)",
+        "treat images with the same number as simultaneous (default: if the motion shows that a camera is late, its "
+        "markers are shifted to the time of the others)",
     )
-    distortion = "leave the lens distortion out, to compare with results of programs that do (default: corrected)"
+    distortion = "do not correct lens distortion, to compare with programs that ignore it (default: corrected)"
     add_switch(parser, "--ignore-distortion", distortion)
 
 
@@ -83,7 +83,7 @@ def _check(args: argparse.Namespace) -> None:
     else:
         check_ending(args.out)
         if (args.subject or args.skeleton) and not args.database:
-            args.wrong_usage("argument --database is required: the body labels the markers by it")
+            args.wrong_usage("argument --database is required: the body needs it to label the markers")
         if args.database and not (args.subject or args.skeleton):
             args.wrong_usage("argument --database: needs --subject, or --skeleton and --marker-set")
     if args.floor == "feet" and not (args.marker_set or args.subject):
@@ -119,12 +119,14 @@ def _cameras_and_sources(args: argparse.Namespace, rig: CameraRig) -> tuple[Came
             raise SettingsError(
                 f"{args.out} cannot hold what one camera shows", advice="write a .take.npz or .perftake"
             )
-        _check_left_out(args, "markers in space, which one camera does not give")
+        _check_left_out(args, "3D markers, which one camera does not give")
     elif not named:
         return rig, sources
     if indices[-1] >= len(rig):
         raise SettingsError(
-            f"the calibration has {len(rig)} camera(s)", where=str(args.cameras), advice="use this set-up's"
+            f"has only {counted(len(rig), 'camera')}",
+            where=str(args.cameras),
+            advice="use the calibration of this set-up",
         )
     return CameraRig(tuple(rig.cameras[index] for index in indices), rig.metadata), sources
 

@@ -1,4 +1,4 @@
-"""`perfanim vmc`: send and record motion live by the VMC protocol."""
+"""`perfanim vmc`: send and record motion live over the VMC protocol."""
 
 import argparse
 from functools import partial
@@ -20,24 +20,31 @@ from .options import add_command, add_group, add_text, positive, rate_hz
 
 
 def add_parser(subparsers: Any) -> None:
-    group = add_group(subparsers, "vmc", "motion live to and from other programs (Virtual Motion Capture protocol)")
+    group = add_group(subparsers, "vmc", "send and receive live motion (Virtual Motion Capture protocol)")
     send = add_command(group, "send", run_send, "play a motion to another program in real time")
     send.add_argument("motion", metavar="MOTION", help=f"motion (.bvh, .amc) or recorded take ({ENDING})")
     other = f"the other program (default 127.0.0.1:{MARIONETTE_PORT})"
     add_text(send, "--to", "HOST:PORT", other, type=_address, default=("127.0.0.1", MARIONETTE_PORT))
-    add_text(send, "--rate", "HZ", "frames per second (default the motion's own)", type=rate_hz)
+    add_text(send, "--rate", "HZ", "frames per second (default: the motion's own)", type=rate_hz)
     receive = add_command(group, "receive", run_receive, "record bones or trackers that another program sends")
     receive.add_argument(
         "--port", type=_port, default=PERFORMER_PORT, help=f"UDP port; 0 for a free one (default {PERFORMER_PORT})"
     )
-    sender = "address of the only computer to listen to (default this one: no network is used), or any"
+    sender = "address of the only computer to listen to, or any (default: this one, so no network is used)"
     add_text(receive, "--from", "HOST", sender, dest="sender", default="127.0.0.1")
     written = (
         f"bones become a motion ({', '.join(MOTION_ENDINGS)}), head set, controllers and trackers a marker take "
         f"({', '.join(WRITABLE)})"
     )
     add_text(receive, "--out", "FILE", written, required=True)
-    add_text(receive, "--seconds", "S", "how long", type=partial(positive, most=3600.0, unit="seconds"), required=True)
+    add_text(
+        receive,
+        "--seconds",
+        "S",
+        "how long to record",
+        type=partial(positive, most=3600.0, unit="seconds"),
+        required=True,
+    )
 
 
 def _address(text: str) -> tuple[str, int]:
@@ -52,7 +59,7 @@ def _address(text: str) -> tuple[str, int]:
 
 def _port(text: str) -> int:
     if not (text.isdecimal() and int(text) < 65536):
-        raise argparse.ArgumentTypeError(f"{text!r} is not a port, 0 to 65535")
+        raise argparse.ArgumentTypeError(f"{text!r} is not a port number from 0 to 65535")
     return int(text)
 
 
@@ -105,5 +112,7 @@ def run_receive(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
         }
     came = recording.gathering
     facts |= {"packets": came.packets, "malformed": came.malformed, "flooding": came.flooding, "out": str(out)}
-    warning = f"left out: {', '.join(others)} sent to the same port; close the other program, or give it another port"
+    warning = (
+        f"ignored {', '.join(others)}, which sent to the same port; close the other program, or give it another port"
+    )
     return facts | ({"warnings": [warning]} if others else {})

@@ -125,7 +125,7 @@ def coverage_text(marker_set: MarkerSet, shown: Sequence[str], lacking: Sequence
     """Return a sentence on how many of a take's markers were used, and which limbs none of them determines."""
     used = [marker for marker in marker_set.markers if marker.name in shown]
     placed = sum(marker.placed for marker in used)
-    counts = [(placed, "placed by the motion"), (len(shown) - len(used), "left out")]
+    counts = [(placed, "placed from the motion"), (len(shown) - len(used), "left out")]
     text = f"{len(used) - placed} of {len(shown)} markers known"
     text += "".join(f", {count} {what}" for count, what in counts if count)
     return text + (f"; no marker determines the {', the '.join(lacking)}" if lacking else "")

@@ -82,7 +82,7 @@ class PERFANIM_OT_check_setup(_PictureJob, bpy.types.Operator):
         if summary["findings"]:
             named = ", ".join(dict.fromkeys(str(row["fault"]) for row in summary["findings"]))
             self.keep_picture(named)
-            return f"mend first: {named}"
+            return f"fix first: {named}"
         space = guide_steps.space(chosen)
         if space:
             self.keep_picture(space)

@@ -147,7 +147,7 @@ def _worn(settings: Any) -> StepStatus:
 
 
 def _judged(problems: list[str]) -> StepStatus:
-    return readiness.faulty("mend first", "\n".join(problems)) if problems else _DONE
+    return readiness.faulty("fix first", "\n".join(problems)) if problems else _DONE
 
 
 def _always(name: str) -> Callable[[Any], str]:

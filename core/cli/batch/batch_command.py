@@ -53,44 +53,49 @@ def add_parser(subparsers: Any) -> None:
     parser = subparsers.add_parser(
         "batch",
         help="solve, retarget and rate many takes; continues where it stopped",
-        description="Solve many takes, in parallel. Finished takes are left alone, and a bad take does not hold up "
-        "the others. Exit status 1 when any take was bad.",
+        description="Solve many takes in parallel. Finished takes are skipped, and a bad take does not stop the "
+        "others. The exit status is 1 if any take is bad.",
     )
     parser.add_argument(
         "takes",
         nargs="+",
         metavar="PLAN.toml | TAKES",
-        help=f"a plan file, or takes ({', '.join(READABLE)}), folders and patterns of them",
+        help=f"a plan file; or takes ({', '.join(READABLE)}), folders of takes, or patterns",
     )
-    add_text(parser, "--out", "DIR", "folder of the results (default: the plan's out)")
-    shared = parser.add_argument_group("for all takes; a plan's [[take]] tables have priority")
+    add_text(parser, "--out", "DIR", "folder for the results (default: the plan's out)")
+    shared = parser.add_argument_group("for all takes; a plan's [[take]] tables take precedence")
     add_text(shared, "--database", "DB", "motion database")
     add_text(shared, "--subject", "FILE", "calibrated subject")
     add_text(shared, "--skeleton", "FILE", ".asf or .bvh with the bones to use; needs --marker-set")
-    add_text(shared, "--marker-set", "NAME", f"shipped marker set or TOML file, or {AUTO} (of marker files)")
+    add_text(shared, "--marker-set", "NAME", f"shipped marker set or TOML file, or {AUTO} (marker files only)")
     add_names_option(shared)
-    add_text(shared, "--use", "N|NAME,...", "solve marker takes with a few of a suit's markers")
+    add_text(shared, "--use", "N|NAME,...", "solve marker takes with only some of a suit's markers")
     add_choice(shared, "--up", UPS, "axis of marker files that points up (default: auto)")
-    add_choice(shared, "--method", METHODS, "how poses are found (default best)")
-    add_number(shared, "--smooth", "HZ", "low-pass markers before and motion after")
+    add_choice(shared, "--method", METHODS, "solver method (default best)")
+    add_number(shared, "--smooth", "HZ", "low-pass filter the markers before solving and the motion after it")
     add_choice(shared, "--feet", FEET, "hold feet in place (default off)")
     add_motion_options(shared, defaults=False)
     shared.add_argument(
-        "--also", action="append", choices=ALSO, help="another file of each motion, beside the BVH; any number of times"
+        "--also", action="append", choices=ALSO, help="format of a further file to write beside each BVH; repeatable"
     )
-    add_text(shared, "--cameras", "cameras.toml", "calibration of videos, another of .perftakes")
-    add_text(shared, "--to", "CHARACTER", "also retarget: .blend, .glb, .gltf, .vrm or .fbx file")
+    add_text(shared, "--cameras", "cameras.toml", "calibration of videos, or a different one for .perftakes")
+    add_text(shared, "--to", "CHARACTER", "also retarget to this character: .blend, .glb, .gltf, .vrm or .fbx file")
     add_character_options(shared, root_motion=None)
-    add_choice(shared, "--save-as", SAVED_AS, "kind of the characters' files (default blend)")
-    add_text(parser, "--jobs", "N", "processes (default: one a core)", type=int)
-    add_text(parser, "--scheduler", "ADDRESS", "Dask cluster that does the takes (tcp://HOST:8786), see docs/batch.md")
+    add_choice(shared, "--save-as", SAVED_AS, "format of the character files (default blend)")
+    add_text(parser, "--jobs", "N", "number of processes (default: one per core)", type=int)
+    add_text(
+        parser,
+        "--scheduler",
+        "ADDRESS",
+        "Dask scheduler whose cluster processes the takes (tcp://HOST:8786), see docs/batch.md",
+    )
     parser.set_defaults(run=run, wrong_usage=parser.error)
 
 
 def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     check_range("--jobs", args.jobs, 1, 1000, "give 1 to 1000")
     if args.jobs is not None and args.scheduler is not None:
-        args.wrong_usage("argument --jobs: with --scheduler the cluster's workers count")
+        args.wrong_usage("argument --jobs: not allowed with --scheduler, whose workers determine the number")
     plan = _plan(args)
     out = args.out or plan.out
     if not out:
@@ -105,7 +110,7 @@ def _plan(args: argparse.Namespace) -> Plan:
     given: dict[str, Value] = {key: value for key in OPTIONS if (value := getattr(args, key, None)) is not None}
     if any(name.lower().endswith(".toml") for name in args.takes):
         if len(args.takes) > 1:
-            args.wrong_usage("a plan stands alone: name further takes in it")
+            args.wrong_usage("a plan must be the only argument: name further takes in it")
         return read_plan(args.takes[0], given)
     return plan_of(args.takes, given)
 
@@ -121,7 +126,7 @@ def _task_runner(args: argparse.Namespace) -> DoTasks:
 def _check(plan: Plan) -> None:
     """Raise for bad options and unusable files, before any work starts.
 
-    The takes themselves are not read: one bad take does not hold up the others.
+    The takes themselves are not read, because one bad take must not stop the others.
     """
     lines: set[str] = set()
     files: set[tuple[str, str]] = set()
@@ -165,6 +170,6 @@ def _summary(result: BatchResult, out: str) -> PartialResult:
     counted = counts(result.records)
     page, done = str(place / result.page.name), len(result.finished_before)
     line = ", ".join(f"{count} {status}" for status, count in counted.items())
-    failure = f"{out}: {counted[BAD]} of {len(rows)} takes are bad; see {page}" if counted[BAD] else ""
-    text = f"{text_table(result.records)}\n\n{line}; {done} were done before\n{page}"
+    failure = f"{out}: bad takes: {counted[BAD]} of {len(rows)}; see {page}" if counted[BAD] else ""
+    text = f"{text_table(result.records)}\n\n{line}; {done} from an earlier run\n{page}"
     return PartialResult(counted | {"finished_before": done, "takes": rows, "page": page}, text, failure)

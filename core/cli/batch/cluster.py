@@ -13,7 +13,7 @@ def on_cluster(address: str, serve: Callable[[str], str], tasks: Sequence[Task])
 
     Args:
         address: Address of the scheduler, e.g. tcp://host:8786. All workers need this package and the same file paths.
-        serve: Function that does one task, JSON in and out; found by its name on the workers.
+        serve: Function that processes one task, JSON in and out; the workers import it by name.
         tasks: Tasks in the order in which they are started.
 
     Raises:
@@ -32,7 +32,7 @@ def on_cluster(address: str, serve: Callable[[str], str], tasks: Sequence[Task])
             "no Dask scheduler answers there", where=address, advice="start one with `dask scheduler`"
         ) from error
     with client:
-        # priority keeps the order; a take is not a pure function: it writes files
+        # the priority keeps the order; a task is not pure, because it writes files
         futures = {
             client.submit(serve, task.text(), pure=False, priority=-number): task for number, task in enumerate(tasks)
         }
@@ -41,4 +41,4 @@ def on_cluster(address: str, serve: Callable[[str], str], tasks: Sequence[Task])
                 yield Record.of_text(future.result())
             else:
                 why = repr(future.exception()) if future.status == "error" else future.status
-                yield failed_record(futures[future].take, f"the cluster did not do it: {why}")
+                yield failed_record(futures[future].take, f"the cluster did not process it: {why}")

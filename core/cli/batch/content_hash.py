@@ -29,7 +29,7 @@ class ContentDigests:
         return self._known[path]
 
     def of_source(self, source: str) -> list[list[str]]:
-        """Return names and digests of the files that a file, a folder or a pattern names."""
+        """Return name and digest of each file that a source (file, folder or pattern) names."""
         path = Path(source)
         if is_file(path):
             return [["", self.of_file(path)]]

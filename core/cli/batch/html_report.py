@@ -6,7 +6,7 @@ from html import escape
 from pathlib import Path
 from urllib.parse import quote
 
-from ...errors import FormatError
+from ...errors import FormatError, counted
 from ...system.assets import BATCH_STYLE
 from ...system.files import read_bytes
 from .quality import LEAST_CONFIDENCE, LIMITS
@@ -22,21 +22,22 @@ _COLUMNS = (
     ("longest_gap_s", "longest gap, s", "{:.2f}"),
     ("foot_skate_cm_s", "foot skate, cm/s", "{:.0f}"),
 )
-_MOST_BYTES = 4 << 20  # largest size of a picture
+_MOST_BYTES = 4 << 20  # largest size of a picture, bytes
 _STYLE = "\n" + BATCH_STYLE.read_text(encoding="utf-8")
 
 
 def page_text(records: Sequence[Record], out: Path) -> str:
-    """Return the page (HTML); it refers to nothing outside except the motion files."""
-    counted = ", ".join(f"{sum(r.status == status for r in records)} {status}" for status in _ORDER)
+    """Return the page (HTML); its only external references are the motion files."""
+    takes = counted(len(records), "take")
+    statuses = ", ".join(f"{sum(r.status == status for r in records)} {status}" for status in _ORDER)
     heads = "".join(f"<th>{title}</th>" for _, title, _ in _COLUMNS)
     ordered = sorted(records, key=lambda record: (_ORDER.index(record.status), record.name))
     rows = "\n".join(_row(record, out) for record in ordered)
     return f"""<!DOCTYPE html>
-<html lang="en"><head><meta charset="utf-8"><title>Batch of {len(records)} takes</title><style>{_STYLE}</style></head>
-<body><h1>{len(records)} takes: {counted}</h1>
-<p>The line below the poses is the take's time: green where the pose is sure, red where it is guessed, black where there
-is none.</p>
+<html lang="en"><head><meta charset="utf-8"><title>Batch of {takes}</title><style>{_STYLE}</style></head>
+<body><h1>{takes}: {statuses}</h1>
+<p>The bar below the poses is the take's timeline: green where the confidence is high, red where it is low, black where
+there is no pose.</p>
 <table><tr><th>take</th>{heads}<th>poses</th></tr>
 {rows}
 </table></body></html>
@@ -46,8 +47,8 @@ is none.</p>
 def _row(record: Record, out: Path) -> str:
     motion = record.outputs.get("character") or record.outputs.get("motion")
     name = escape(record.name)
-    if motion:
-        name = f'<a href="{quote(motion, errors="surrogateescape")}">{name}</a>'  # its name may not be valid text
+    if motion:  # a file name need not be valid Unicode
+        name = f'<a href="{quote(motion, errors="surrogateescape")}">{name}</a>'
     notes = [f'<div class="reason">{escape(reason)}</div>' for reason in record.reasons]
     notes += [f'<div class="warning">{escape(warning)}</div>' for warning in record.warnings]
     cells = "".join(_cell(record, figure, pattern) for figure, _, pattern in _COLUMNS)
@@ -69,6 +70,6 @@ def _picture(record: Record, out: Path) -> str:
         return ""
     try:
         data = base64.b64encode(read_bytes(out / record.outputs["picture"], _MOST_BYTES)).decode()
-    except FormatError:  # another program has changed the picture: the page goes without it
+    except FormatError:  # another program has changed the picture, so the page omits it
         return ""
     return f'<img loading="lazy" alt="poses of {escape(record.name, quote=True)}" src="data:image/jpeg;base64,{data}">'

@@ -77,17 +77,17 @@ class TakeOptions:
 
     cameras: Annotated[_Text, _text("calibration of the videos, or of recorded takes")] = None
     left: Annotated[_Text, _text("video, folder or pattern of images of the left camera")] = None
-    right: Annotated[_Text, _text("the same of the right camera")] = None
+    right: Annotated[_Text, _text("the same for the right camera")] = None
     camera: Annotated[_Texts, _text("further cameras, each NAME=SOURCE")] = None
     background: Annotated[_Texts, _text("videos, folders or patterns of the empty capture space")] = None
-    fps: Annotated[_Number, _rate("rate of sources that do not tell it")] = None
-    floor: Annotated[_Text, _text('"feet": the floor is below the feet')] = None
-    no_time_offset: Annotated[_Switch, About("whether all cameras take their images at once")] = None
-    marker_set: Annotated[_Text, _text("shipped marker set or its file")] = None
+    fps: Annotated[_Number, _rate("frame rate of sources that do not state it")] = None
+    floor: Annotated[_Text, _text('"feet": fit the floor to the feet')] = None
+    no_time_offset: Annotated[_Switch, About("whether the cameras are assumed to be synchronised")] = None
+    marker_set: Annotated[_Text, _text("name of a shipped marker set, or a file")] = None
     database: Annotated[_Text, _text("motion database")] = None
     subject: Annotated[_Text, _text("calibrated subject")] = None
     skeleton: Annotated[_Text, _text("motion file with the bones to use")] = None
-    names: Annotated[_Text, _text("file with the names of the markers")] = None
+    names: Annotated[_Text, _text("file with the marker for each label")] = None
     use: Annotated[_Text, _text("number or names of the markers to use")] = None
     up: Annotated[_Text, _text("axis of marker files that points up")] = None
     method: Annotated[_Text, _text("solver method")] = None
@@ -97,13 +97,13 @@ class TakeOptions:
     smooth: Annotated[_Number, _rate("cut-off of the low-pass filter of markers and motion", "Hz")] = None
     rate: Annotated[_Number, _rate("rate of the motion")] = None
     refine_body: Annotated[_Switch, About("whether bones and marker offsets are fitted to the take first")] = None
-    trust_labels: Annotated[_Switch, About("whether the labels of marker takes are taken as they are")] = None
-    also: Annotated[_Texts, About("kinds of further files of each motion", choices=ALSO)] = None
+    trust_labels: Annotated[_Switch, About("whether the labels of marker takes are used as they are")] = None
+    also: Annotated[_Texts, About("formats of further files for each motion", choices=ALSO)] = None
     to: Annotated[_Text, _text("character file to retarget to")] = None
-    blender: Annotated[_Text, _text("Blender that retargets")] = None
-    map: Annotated[_Text, _text("bone map: a shipped one or its file")] = None
-    root_motion: Annotated[_Text, _text("receiver of the root motion: bone or object")] = None
-    save_as: Annotated[_Text, About("kind of the character's file", choices=SAVED_AS)] = None
+    blender: Annotated[_Text, _text("Blender executable that retargets")] = None
+    map: Annotated[_Text, _text("bone map: name of a shipped one, or a file")] = None
+    root_motion: Annotated[_Text, _text("bone or object that receives the root motion")] = None
+    save_as: Annotated[_Text, About("format of the character file", choices=SAVED_AS)] = None
 
 
 @dataclass(frozen=True)
@@ -133,7 +133,7 @@ PLAN = Schema(
 TAKE = Schema(
     _TakeRow,
     "Take of a plan",
-    "Of each table `[[take]]`; it may have each of the settings below, too.",
+    "For each `[[take]]` table, which may also contain any of the settings below.",
     SettingsError,
     "see TOML files in the manual",
 )
@@ -148,7 +148,7 @@ SETTINGS = Schema(
 )
 _BODIES = ("subject", "skeleton")  # if a take sets either of these, neither shared setting applies to it
 _PATTERN = "*?["
-_MOST_FILES = 50_000  # that are looked at: a whole disk, named by mistake, soon ends in an error
+_MOST_FILES = 50_000  # largest number of files searched, so that a whole disk named by mistake soon ends in an error
 _FORBIDDEN = '<>:"/\\|?*'  # forbidden in file names on at least one operating system
 
 
@@ -258,9 +258,9 @@ def _row_takes(row: Table, shared: Mapping[str, Value], folder: Path, where: str
         return [(name, TakePlan("", label, path, options)) for label, path in takes]
     images = [key for key in ("left", "camera") if own.get(key)]
     if not images:
-        raise SettingsError("names neither a take nor videos", where=where, advice="name one of them")
+        raise SettingsError("names neither a take nor videos", where=where, advice="name one or the other")
     if "cameras" not in options:
-        raise SettingsError("has videos without cameras", where=where, advice="name their calibration")
+        raise SettingsError("has videos but no calibration", where=where, advice="name the calibration in cameras")
     first = own[images[0]]
     first = first[0].rpartition("=")[2] if isinstance(first, list) else first
     return [(name, TakePlan("", first, "", options))]
@@ -294,21 +294,21 @@ def _source(text: str, folder: Path, holds: Holds | None) -> str:
 
 
 def _absolute(text: str, folder: Path) -> str:
-    return os.path.abspath(folder / text)  # noqa: PTH100 - links stay as they were named
+    return os.path.abspath(folder / text)  # noqa: PTH100 - `Path.resolve` would follow links
 
 
 def _find_takes(text: str, folder: Path, where: str) -> list[tuple[str, str]]:
     """Return label and path of each take of a file, folder or pattern."""
     path = Path(_absolute(text, folder))
     if is_folder(path):
-        # names first: only for takes is it checked whether they are files
+        # the name is checked first, because asking the disk whether each name is a file is slow
         files = (Path(place, name) for place, _, names in os.walk(path) for name in names)
         found = [file for file in _within_limit(files, where, text) if _is_take(file.name.lower()) and is_file(file)]
         found = _without_results(found)
     elif is_file(path) or not set(text) & set(_PATTERN):
         found = [path]  # a missing file counts as a bad take; the others are still done
     else:
-        names = glob.iglob(str(path), recursive=True)  # noqa: PTH207 - a whole path
+        names = glob.iglob(str(path), recursive=True)  # noqa: PTH207 - `Path.glob` rejects absolute patterns
         found = _without_results([Path(name) for name in _within_limit(names, where, text)])
     if not found:
         raise SettingsError("there are no takes", where=f"{where}: {text}", advice="check the path")
@@ -316,7 +316,7 @@ def _find_takes(text: str, folder: Path, where: str) -> list[tuple[str, str]]:
 
 
 def _without_results(files: Sequence[Path]) -> list[Path]:
-    """Return the files that were not written by a batch: results may lie among or below the takes."""
+    """Return the files that were not written by a batch: results may lie beside or below the takes."""
     results = {folder: _results_in(folder) for folder in {file.parent for file in files}}
     return [file for file in files if file.name not in results[file.parent]]
 
@@ -351,7 +351,7 @@ def _label(path: Path, folder: Path) -> str:
 def _name_takes(found: Sequence[tuple[str, TakePlan]]) -> tuple[TakePlan, ...]:
     """Return takes with unique names, sorted; the given order does not matter.
 
-    A take is named after its file; if file names are the same, folders and then endings are added.
+    A take is named after its file; if names are equal, folders and then extensions are added.
     """
     chosen = [name or _stem(take.source) for name, take in found]
     for wider in (_with_folders, _whole):

@@ -115,7 +115,7 @@ class TakePipeline:
             facts = self._commands.run("retarget", [str(motion), *options, "--out", str(path)])
             if facts["doubtful"] or facts["unmapped"]:
                 joints = ", ".join(sorted({**facts["doubtful"], **facts["unmapped"]}))
-                self._warnings.append(f"doubtful or without a bone: {joints}")
+                self._warnings.append(f"joints whose bone is doubtful or missing: {joints}")
 
         ending = self._take.options.get("save_as", "blend")
         self._keep("character", f"{self._take.name}.{ending}", write)
@@ -155,7 +155,7 @@ class TakePipeline:
 def _move_outputs(record: Record, work: Path, out: Path) -> None:
     """Move the outputs to their final paths, the record last.
 
-    If there is a record, the take is complete.
+    A take with a record is therefore complete.
     """
     (out / REPORT).mkdir(parents=True, exist_ok=True)
     for file in record.outputs.values():

@@ -16,8 +16,8 @@ def in_processes(serve: Callable[[], None], jobs: int, tasks: Sequence[Task]) ->
     """Yield the records of tasks as they finish.
 
     Args:
-        serve: Function at the top level of a module that does tasks: one line of JSON per task on standard
-            input, one line of JSON per answer.
+        serve: Module-level function that processes tasks: it reads one line of JSON per task from standard input and
+            writes one line of JSON per answer.
         jobs: Number of processes; one that dies is replaced, and its take counts as bad.
     """
     open_tasks, records = _OpenTasks(tasks), queue.SimpleQueue[Record]()
@@ -46,7 +46,7 @@ def _keep_busy(worker: "_Worker", open_tasks: "_OpenTasks", records: queue.Simpl
 
 
 class _OpenTasks:
-    """Tasks that have not started, grouped by performer: a process prepares each performer once."""
+    """Tasks that have not started, grouped by performer, because a process prepares each performer once."""
 
     def __init__(self, tasks: Sequence[Task]) -> None:
         self._lock = threading.Lock()
@@ -62,7 +62,7 @@ class _OpenTasks:
                 return None
             performer = _performer(last) if last is not None else None
             if performer not in self._left:
-                # a performer that no process has started, else the one with most tasks left
+                # a performer that no process has started, else the one with the most tasks left
                 performer = max(self._left, key=lambda each: (each not in self._begun, len(self._left[each])))
             self._begun.add(performer)
             task = self._left[performer].popleft()
@@ -80,7 +80,7 @@ def _performer(task: Task) -> tuple[str, ...]:
 
 
 class _Worker:
-    """Process that does one task after another; if it dies, it is replaced."""
+    """Process that runs one task after another, and is replaced if it dies."""
 
     def __init__(self, serve: Callable[[], None]) -> None:
         self._serve = serve
@@ -93,11 +93,11 @@ class _Worker:
             return Record.of_text(self._running_process().ask(task.text()))
         except BrokenPipeError:
             self.close()
-            reason = "its process ended without a message: too little memory, or a library crashed"
+            reason = "its process ended without a message: it ran out of memory, or a library crashed"
             return failed_record(task.take, reason)
 
     def kill(self) -> None:
-        """End the process for good, from another thread than `run`."""
+        """End the process for good; called from a different thread than `run`."""
         with self._lock:
             self._is_killed = True
             if self._process is not None:

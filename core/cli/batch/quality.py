@@ -17,13 +17,13 @@ if TYPE_CHECKING:
 
 _DIGITS = 4  # significant digits of figures in files: the last bits may differ between machines
 _TOES = ("ltoes", "rtoes")
-_FLOOR_PERCENTILE = 2.0  # percentile of a toe's heights that counts as floor: a few frames may be too low
+_FLOOR_PERCENTILE = 2.0  # percentile of a toe's height taken as the floor, because it may be too low in a few frames
 _NEAR_FLOOR_M = 0.025
 
 
 @dataclass(frozen=True)
 class Limit:
-    """Thresholds above which figures are doubtful, and their descriptions."""
+    """Threshold above which a figure is doubtful, and a description."""
 
     figure: str
     most: float
@@ -46,7 +46,7 @@ def quality_figures(solved: "SolvedTake") -> dict[str, float | int | None]:
         Figures by name:
 
         - frames, fps, duration_s.
-        - marker_rms_mm: RMS distance of located and solved markers over the take; marker_median_mm: the median of the
+        - marker_rms_mm: RMS distance between located and solved markers; marker_median_mm: the median of the
           frames' RMS distances; marker_worst_mm: the largest.
         - confidence: mean over the frames; confidence_low: value that 95 % of the frames reach.
         - hidden: share of marker positions that no camera shows; longest_gap_s: longest time that a marker is hidden.
@@ -84,9 +84,9 @@ def _longest_s(poses: Sequence[PerformerPose], hidden: Mask) -> float:
 def foot_skate_cm_s(motion: Motion) -> float:
     """Return how fast the toes slide over the floor, cm/s.
 
-    Each toe's floor is the height that it stays above. A toe less than 2.5 cm above it counts with its horizontal
-    speed v as v (2 - 2^(h / H)): fully on the floor and not at all at H (Zhang et al. 2018, Mode-Adaptive Neural
-    Networks, section 8). NaN if no toe is ever that low.
+    Each toe's floor is the second percentile of its height. At a height h of less than H = 2.5 cm above it, the toe's
+    horizontal speed counts with the weight 2 - 2^(h / H), which is 1 on the floor and 0 at H (Zhang et al. 2018,
+    Mode-Adaptive Neural Networks, section 8). NaN if no toe is ever that low.
     """
     toes = [motion.skeleton.names.index(name) for name in _TOES if name in motion.skeleton.names]
     if not toes or motion.frames < 2:

@@ -79,8 +79,8 @@ def _do(
     left: Sequence[TakePlan], out: Path, work: Path, do_tasks: DoTasks, done: dict[str, Record], progress: Progress
 ) -> None:
     weights = {take.name: _weight(take) for take in left}
-    # one performer's takes in a row, as the performer is prepared once; of these the long ones first, or the last
-    # process would be busy with one while the others have nothing to do
+    # keep a performer's takes together, because a process prepares each performer once; start with the long ones, so
+    # that no process is left working on one while the others are idle
     ordered = sorted(left, key=lambda take: (take.options_of("solve"), -weights[take.name], take.name))
     total, finished, solved, started = sum(weights.values()), 0, 0, time.monotonic()
     before, bad = len(done), sum(record.status == BAD for record in done.values())
@@ -93,7 +93,7 @@ def _do(
             bad += record.status == BAD
             solved += weights[record.name] * (record.status != BAD)
             line = f"{len(done)} of {count} takes, {bad} bad"
-            if solved:  # an empty file says nothing about the time that others take
+            if solved:  # bad takes end early and say nothing about the time left
                 left_s = (time.monotonic() - started) * (total - finished) / solved
                 line += f", {_duration(left_s)} left"
             progress(finished / total, line)

@@ -13,7 +13,7 @@ from .take_record import BAD, DOUBTFUL, GOOD, Record
 
 _FIGURES = ("frames", "marker_rms_mm", "confidence", "hidden", "longest_gap_s", "foot_skate_cm_s")
 _HEADS = ("frames", "error mm", "confid.", "hidden", "gap s", "skate cm/s")
-_LONGEST = 36  # longest name in the table for people, letters
+_LONGEST = 36  # longest name in the table for people, characters
 
 
 def write_summary(records: Sequence[Record], out: Path, work: Path) -> Path:
@@ -24,7 +24,7 @@ def write_summary(records: Sequence[Record], out: Path, work: Path) -> Path:
         "summary.html": page_text(records, out),
     }
     for name, text in texts.items():
-        # file names may not be valid text
+        # file names need not be valid Unicode
         (work / name).write_text(text, encoding="utf-8", errors="backslashreplace", newline="\n")
         (work / name).replace(out / name)
     return out / "summary.html"

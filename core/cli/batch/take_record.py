@@ -1,6 +1,6 @@
 """Records of a batch's takes, and tasks for its processes.
 
-This module neither solves nor draws, so the process that distributes the takes starts fast.
+This module loads nothing for solving or drawing, so that the process that distributes the takes starts fast.
 """
 
 import errno
@@ -21,7 +21,7 @@ from .plan import ALSO, MOST_RECORD_BYTES, REPORT, SAVED_AS, TakePlan
 GOOD, DOUBTFUL, BAD = "good", "doubtful", "bad"
 
 _ENDINGS = ("bvh", "take.npz", *ALSO, *SAVED_AS)
-_TEMPORARY = ".{}.angles.12345678.csv"  # the longest name that a take's file has while it is written
+_TEMPORARY = ".{}.angles.12345678.csv"  # the longest name of a take's file while it is written
 
 
 @dataclass(frozen=True)
@@ -31,10 +31,10 @@ class Record:
     name: Annotated[str, About("name of the take", least=1)]
     source: Annotated[str, About("the take as its plan names it")]
     digest: Annotated[str, About("hash of all that the results depend on")]
-    status: Annotated[str, About("what came of it", choices=(GOOD, DOUBTFUL, BAD))]
+    status: Annotated[str, About("result", choices=(GOOD, DOUBTFUL, BAD))]
     reasons: Annotated[tuple[str, ...], About("why it is doubtful or bad", optional=False)] = ()
     warnings: Annotated[tuple[str, ...], About("warnings of its commands", optional=False)] = ()
-    figures: Annotated[Mapping[str, int | float | None], About("figures of its quality", optional=False)] = field(
+    figures: Annotated[Mapping[str, int | float | None], About("quality figures", optional=False)] = field(
         default_factory=dict
     )
     outputs: Annotated[Mapping[str, str], About("kind and file of each result", optional=False)] = field(
@@ -43,7 +43,7 @@ class Record:
     sha256: Annotated[dict[str, str], About("file and digest of each result", least=1, optional=False)] = field(
         default_factory=dict
     )
-    is_kept: Annotated[bool, About("whether a later run takes it as done", optional=False)] = True
+    is_kept: Annotated[bool, About("whether a later run skips the take", optional=False)] = True
 
     @classmethod
     def of_text(cls, text: str) -> "Record":
@@ -90,7 +90,7 @@ def record_path(out: Path, name: str) -> Path:
 
 
 def finished_record(take: TakePlan, out: Path) -> Record | None:
-    """Return the record of an earlier run if inputs and outputs are unchanged."""
+    """Return the record of an earlier run if inputs and outputs are unchanged, else None."""
     record = stored_record(take.name, out)
     if record is None or not record.is_kept or record.digest != take.digest:
         return None
@@ -114,7 +114,7 @@ def stored_record(name: str, out: Path) -> Record | None:
 
 
 def _are_own(name: str, files: Iterable[str], out: Path) -> bool:
-    """Return whether files belong to a take and lie below `out`, also where links lead."""
+    """Return whether files belong to a take and lie below `out`, even after links are followed."""
     own = {f"{REPORT}/{name}.jpg", *(f"{name}.{ending}" for ending in _ENDINGS)}
     root = os.path.realpath(out)
     return own.issuperset(files) and all(Path(os.path.realpath(out / file)).is_relative_to(root) for file in files)
@@ -135,7 +135,8 @@ def unwritten_record(take: TakePlan, error: OSError) -> Record:
 def remove_old(take: TakePlan, out: Path) -> None:
     """Remove the record and outputs of an earlier run with other inputs.
 
-    OSError: They cannot be removed, or the take's name is too long for new ones.
+    Raises:
+        OSError: The files cannot be removed, or the take's name is too long for new ones.
     """
     with suppress(FileNotFoundError):
         (out / _TEMPORARY.format(take.name)).lstat()

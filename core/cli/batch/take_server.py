@@ -70,7 +70,8 @@ def parse_options(command: str, options: Sequence[str]) -> "argparse.Namespace":
         args = build_parser([command]).parse_args([command, *options])
         if command == "solve":
             solve_command.check(args)
-            if args.database is None and not is_recorded(args.take):  # several workers would build the starter database
+            # several workers would build the starter database at the same time
+            if args.database is None and not is_recorded(args.take):
                 args.wrong_usage("the following arguments are required: --database")
     return args
 

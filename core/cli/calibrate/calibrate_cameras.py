@@ -19,14 +19,14 @@ def add_parser(group: Any) -> None:
         parser,
         "--camera",
         "NAME=GLOB",
-        "any further camera, or all of them (repeatable); each must see the board together with another",
+        "any further camera, or all of them (repeatable); each must see the board at the same time as another",
     )
     add_text(
         parser,
         "--board",
         "SPEC",
-        "chessboard:9x6:24.23mm (inner corners and a square's edge; mm when no unit is given) or "
-        "charuco:7x5:40mm:30mm:DICT_4X4_50 (squares, a square's and a marker's edge, dictionary; "
+        "chessboard:9x6:24.23mm (inner corners and square size; mm if no unit is given) or "
+        "charuco:7x5:40mm:30mm:DICT_4X4_50 (squares, square size, marker size, dictionary; "
         "append :inverted for a white-on-black board)",
     )
     add_text(parser, "--points", "FILE", "instead of pictures: JSON of board points already found (mm and pixels)")
@@ -70,7 +70,8 @@ def _patterns(args: argparse.Namespace) -> dict[str, str]:
     for entry in args.camera:
         name, separator, pattern = entry.partition("=")
         if not (name and separator and pattern) or name in patterns:
-            raise SettingsError(f"--camera {entry!r} is not NAME=GLOB with a new name")
+            advice = "give each camera once, such as --camera top='top/*.png'"
+            raise SettingsError(f"--camera {entry!r} is not NAME=GLOB with a new name", advice=advice)
         patterns[name] = pattern
     if not patterns:
         raise SettingsError("pictures of the board are needed", advice="give --left and --right, or --camera")

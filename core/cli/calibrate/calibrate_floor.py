@@ -13,10 +13,10 @@ from ..options import add_command, add_number, add_source_options, add_text
 def add_parser(group: Any) -> None:
     parser = add_command(group, "floor", run, "floor, origin and scale from three or more markers lying on the floor")
     add_source_options(parser, "a video, or a folder or pattern of images, in which the markers lie still for a second")
-    dark = "the same room without the markers, one source per camera (default: all else is taken for dark)"
+    dark = "the same view without the markers, one source per camera (default: everything else is assumed to be dark)"
     add_text(parser, "--background", "SRC", dark, nargs="+")
     add_number(parser, "--threshold", "LEVELS", "grey levels above the background (default: automatic)")
-    height = "height of the markers' middles above the floor, such as the radius of balls (default 0)"
+    height = "height of the marker centres above the floor, such as a ball's radius (default 0)"
     add_number(parser, "--height-mm", "MM", height, default=0.0)
     longest = "measured distance between the two markers farthest apart: sets the scale (default: the scale is kept)"
     add_number(parser, "--longest-mm", "MM", longest)
@@ -52,7 +52,7 @@ def _watch(args: argparse.Namespace, rig: Any, progress: Progress) -> Any:
     with closing(open_image_source(args.left, args.right, *args.camera)) as source:
         total = max(int(getattr(source, "frames", 0)), 1)
         for number, images in enumerate(source):
-            progress(min(number / total, 1.0), f"looking for markers: moment {number + 1}")
+            progress(min(number / total, 1.0), f"looking for markers: frame {number + 1}")
             watch.see(images.times_s[0], pipeline.process(images).points_m)
             if watch.points_m is not None:
                 break

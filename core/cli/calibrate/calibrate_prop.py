@@ -20,17 +20,17 @@ from .calibrate_subject import part
 
 
 def add_parser(group: Any) -> None:
-    parser = add_command(group, "prop", run, "a sword, stick or camera with markers of its own")
+    parser = add_command(group, "prop", run, "a rigid object with markers, such as a sword, a stick or a camera")
     parser.add_argument(
         "take",
         metavar="TAKE",
-        help="take of the prop alone, lying in front of the cameras, or moving slowly: of `perfanim track` without "
-        "--marker-set, a .perftake, or another system's",
+        help="take of the prop alone, lying in front of the cameras or moving slowly: from `perfanim track` without "
+        "--marker-set, a .perftake, or from another system",
     )
     add_text(parser, "--out", "prop.toml", "definition to write", required=True)
     add_text(parser, "--name", "NAME", "name of the prop (default: the file's)")
-    add_text(parser, "--frames", "A:B", "look only at these frames of the take")
-    add_text(parser, "--markers", "M,M,...", "its markers (default: the largest group that keeps its distances)")
+    add_text(parser, "--frames", "A:B", "use only these frames of the take")
+    add_text(parser, "--markers", "M,M,...", "its markers (default: the largest rigid group)")
 
 
 def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:

@@ -34,43 +34,43 @@ from ..performer_options import add_names_option
 def add_parser(group: Any) -> None:
     parser = add_command(group, "subject", run, "skeleton and marker offsets from held poses")
     parser.add_argument("take", metavar="TAKE", help="take that shows the calibration pose, held still for a second")
-    worn = f"shipped marker set or TOML file, or {AUTO}: by the labels (default with --refine: the subject's)"
+    worn = f"shipped marker set or TOML file, or {AUTO} to choose by the labels (default with --refine: the subject's)"
     add_text(parser, "--marker-set", "NAME", worn)
     add_names_option(parser)
     add_text(parser, "--out", "subject.toml", "subject to write", required=True)
     add_text(parser, "--name", "NAME", "name of the person (default: --skeleton-from's, or the file's)")
     held = parser.add_mutually_exclusive_group()
-    add_choice(held, "--pose", POSES, "the one pose that is held (default t)", default="t")
+    add_choice(held, "--pose", POSES, "the pose that is held (default t)", default="t")
     add_text(
         held,
         "--poses",
         "P,P,...",
-        "several poses, each held in the take for --seconds and found there, the first one upright: best "
-        f"{','.join(CALIBRATION)}, which tell where the arms begin",
+        "several poses, each held somewhere in the take for --seconds, an upright one first; best are "
+        f"{','.join(CALIBRATION)}, which locate the shoulders",
     )
-    add_number(parser, "--seconds", "S", "how long each is held (default 1)", default=1.0)
-    add_text(parser, "--frames", "A:B", "look only at these frames of the take")
-    bones = "keep this subject's bones and measure the markers only: after one was added, taken off or moved"
+    add_number(parser, "--seconds", "S", "how long each pose is held (default 1)", default=1.0)
+    add_text(parser, "--frames", "A:B", "use only these frames of the take")
+    bones = "keep this subject's bones and measure only the markers, after one was added, removed or moved"
     add_text(parser, "--skeleton-from", "subject.toml", bones)
     add_text(
         parser,
         "--database",
         "DB",
-        "nobody holds a pose: fit bones and offsets to the take's motion, in stretches from all of it, with "
-        "poses from this motion database, drawn to the marker set's usual offsets",
+        "without a held pose, fit bones and offsets to motion from the whole take, guided by poses from this motion "
+        "database and by the marker set's usual offsets",
     )
     add_text(
         parser,
         "--refine",
         "subject.toml",
-        "with --database: begin with this subject, or the first of a .perftake, and let the motion correct bones "
-        "and offsets a little",
+        "with --database: start from this subject, or the first of a .perftake, and correct bones and offsets "
+        "slightly to fit the motion",
     )
     add_number(
         parser,
         "--height",
         "M",
-        "with --database: height of the person, metres (default: by the distances between markers)",
+        "with --database: height of the person, metres (default: estimated from the distances between markers)",
     )
 
 
@@ -80,7 +80,9 @@ def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     progress(0.0, "reading")
     take = read_labelled(args.take, args.names)
     if args.refine and (not args.database or args.height is not None):
-        raise SettingsError("--refine needs --database and excludes --height", advice="the subject has its height")
+        raise SettingsError(
+            "--refine needs --database and excludes --height", advice="add --database and leave --height out"
+        )
     known = load_subject(args.skeleton_from) if args.skeleton_from else None
     before = _subject_of(args.refine) if args.refine else known
     if args.marker_set is None and not args.refine:
@@ -190,9 +192,9 @@ def part(take: MarkerTake, text: str | None) -> MarkerTake:
     except ValueError:
         colon = ""
     if not colon:
-        raise SettingsError(f"--frames {text!r} is not A:B", advice="for example 0:90")
+        raise SettingsError(f"--frames {text!r} is not A:B", advice="give a range such as 0:90")
     if len(range(*frames.indices(take.frames))) == 0:
         raise SettingsError(
-            f"--frames {text} leaves nothing", where=take.name, advice=f"the take has the frames 0:{take.frames}"
+            f"--frames {text} selects no frames", where=take.name, advice=f"choose from 0:{take.frames}"
         )
     return frames_of(take, frames)

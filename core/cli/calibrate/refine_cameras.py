@@ -16,7 +16,7 @@ from ..options import add_command, add_source_options, add_text
 def add_parser(group: Any) -> None:
     about = "find out whether a camera was bumped, and where it is now, from any moving markers"
     parser = add_command(group, "refine", run, about)
-    source = "a video, or a folder or pattern of images, in which markers (or a single one) move through the space"
+    source = "a video, or a folder or pattern of images, in which one or more markers move through the capture space"
     add_source_options(parser, source)
     add_text(parser, "--out", "refined.toml", "the calibration to write", required=True)
 
@@ -39,9 +39,11 @@ def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
         )
     advice = []
     if result.bumped:
-        advice = [f"{moved} was bumped against {names[0]}: use the refined calibration, or calibrate again"]
+        advice = [f"{moved} has moved relative to {names[0]}: use the refined calibration, or calibrate again"]
     elif not result.sure:
-        advice = ["the cameras stand as calibrated; the markers do not tell it more closely, so nothing was changed"]
+        advice = [
+            "the cameras are where they were calibrated; the markers do not locate them better, so nothing was changed"
+        ]
     save_rig(replace(rig, cameras=result.rig.cameras) if result.sure else rig, args.out)
     return {
         "bumped": result.bumped,
@@ -58,7 +60,7 @@ def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
 
 
 def _detected(args: argparse.Namespace, rig: Any, progress: Progress) -> list[list[Any]]:
-    """Return the blobs of each camera at up to 300 moments of the take."""
+    """Return the blobs of each camera in up to 300 frames spread over the take."""
     from ...api.tracking import learn_from_source  # OpenCV is slow to load
     from ...vision.pipeline import MarkerPipeline
     from ...vision.sources.source_kinds import open_image_source
@@ -74,6 +76,6 @@ def _detected(args: argparse.Namespace, rig: Any, progress: Progress) -> list[li
             if sizes != expected:
                 advice = "use the calibration of these cameras"
                 raise CalibrationError(f"images are {sizes}, but the calibration is for {expected}", advice=advice)
-            progress(0.8 * number / most, f"looking for markers: moment {number + 1}")
+            progress(0.8 * number / most, f"looking for markers: frame {number + 1}")
             frames.append([d.detect(image) for d, image in zip(pipeline.detectors, images, strict=True)])
     return frames

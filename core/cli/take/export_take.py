@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from ...errors import FormatError, SettingsError, TakeError
+from ...errors import FormatError, SettingsError, TakeError, counted
 from ...formats.markers.marker_files import WRITABLE, check_ending, is_recorded, read_take, write_take
 from ...formats.markers.prop_csv import write_prop_csv
 from ...formats.markers.recorded_take import marker_take
@@ -18,13 +18,13 @@ from ..options import add_command, add_motion_options, add_text
 
 
 def add_parser(group: Any) -> None:
-    parser = add_command(group, "export", run, "motion or markers of a recorded take as they were solved live")
-    cut = f"recorded take ({ENDING}); one that was cut off gives what it has"
+    parser = add_command(group, "export", run, "motion or markers of a recorded take, as solved live")
+    cut = f"recorded take ({ENDING}); if it was cut off, its intact part is exported"
     parser.add_argument("take", metavar="TAKE", help=cut)
     written = f"motion ({', '.join(MOTION_ENDINGS)}) or markers ({', '.join(WRITABLE)})"
     add_text(parser, "--out", "FILE", written, required=True)
     add_motion_options(parser)
-    add_text(parser, "--prop", "NAME", "instead: where this prop was, as a table (.csv: metres, quaternion w first)")
+    add_text(parser, "--prop", "NAME", "poses of this prop instead, as a table (.csv: metres, quaternion with w first)")
     add_text(parser, "--performer", "NAME", "motion of this further performer (default: of the first performer)")
 
 
@@ -32,14 +32,14 @@ def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     out = Path(args.out)
     check_ending(out, (*MOTION_ENDINGS, *WRITABLE))
     if args.prop is not None and out.suffix.lower() != ".csv":
-        raise SettingsError(f"{out} does not end in .csv", advice="a prop's place is written as a table")
+        raise SettingsError(f"{out} does not end in .csv", advice="a prop's poses are written as a .csv table")
     progress(0.0, "reading")
     if not is_recorded(args.take):
         if args.prop is not None or args.performer is not None:
             raise FormatError(
                 "holds the markers of one performer only, and no props",
                 where=str(args.take),
-                advice="only a .perftake has further targets",
+                advice="name a .perftake for further performers and props",
             )
         markers = read_take(args.take)
         if is_motion(out):
@@ -49,7 +49,9 @@ def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     warnings = list(take.problems)
     unsolved = take.frame_count - len(take.poses)
     if unsolved > 0:
-        warnings.append(f"{unsolved} frames were not solved live and are left out: perfanim solve takes all of them")
+        warnings.append(
+            f"{counted(unsolved, 'frame')} not solved live and left out here: perfanim solve solves all frames"
+        )
     if args.prop is not None:
         return _export_prop(take, args.prop, out, warnings)
     if is_motion(out):
@@ -61,7 +63,9 @@ def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
         warnings += clock.sentences
         return {"frames": motion.frames, "fps": motion.fps, "warnings": warnings, "out": str(out)}
     if args.performer is not None:
-        raise SettingsError("a further performer's motion can be exported, not the markers", where=str(out))
+        raise SettingsError(
+            "only the motion of a further performer can be exported", where=str(out), advice="name a motion file"
+        )
     return _written(marker_take(take), out, warnings)
 
 
@@ -79,19 +83,21 @@ def _performer_index(take: TakeFile, name: str | None) -> int:
     names = [subject.name for subject in take.setup.subjects()[1:]]
     if name in names:
         return 1 + names.index(name)
-    advice = f"they are: {', '.join(names)}" if names else "it was recorded with one; solve it with --performer"
+    advice = f"choose one of {', '.join(names)}" if names else "only one was recorded; solve the take with --performer"
     raise TakeError(f"has no further performer {name!r}", where=str(take.path), advice=advice)
 
 
 def _export_prop(take: TakeFile, name: str, out: Path, warnings: list[str]) -> dict[str, Any]:
     names = [prop.name for prop in take.setup.carried_props()]
     if name not in names:
-        advice = f"its props: {', '.join(names)}" if names else "it was recorded without any; solve it with --prop"
+        advice = f"choose one of {', '.join(names)}" if names else "none was recorded; solve the take with --prop"
         raise TakeError(f"has no prop {name!r}", where=str(take.path), advice=advice)
     poses = take.recorded_poses
     if len(poses) < 2:
         raise TakeError(
-            f"has {len(poses)} solved frames, but at least 2 are needed", where=str(take.path), advice="solve it again"
+            f"has {counted(len(poses), 'solved frame')}, but at least 2 are needed",
+            where=str(take.path),
+            advice="solve it again",
         )
     index = names.index(name)
     clock = write_prop_csv(poses, index, name, out)

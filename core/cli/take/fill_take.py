@@ -27,14 +27,14 @@ from ..performer_options import add_names_option
 
 
 def add_parser(group: Any) -> None:
-    parser = add_command(group, "fill", run, "fill gaps of a marker take, and remove noise, by the body it shows")
-    parser.add_argument("take", metavar="TAKE", help=f"marker take: {', '.join(READABLE)}; it is left alone")
-    written = f"take to write ({', '.join(WRITABLE)}); in the take's own format all else that it holds is kept"
+    parser = add_command(group, "fill", run, "fill gaps and remove noise in a marker take with the help of the body")
+    parser.add_argument("take", metavar="TAKE", help=f"marker take: {', '.join(READABLE)}; it is not changed")
+    written = f"take to write ({', '.join(WRITABLE)}); in the take's own format, all its other content is kept"
     add_text(parser, "--out", "FILE", written, required=True)
     add_text(parser, "--database", "DB", "motion database (default: the starter database)")
     add_text(parser, "--subject", "FILE", "calibrated subject (default: fitted to the take's motion)")
-    add_number(parser, "--height", "M", "rough height of the performer, without --subject", default=1.75)
-    worn = f"without --subject: shipped marker set or TOML file, or {AUTO}: by the take's labels (default {AUTO})"
+    add_number(parser, "--height", "M", "approximate height of the performer, without --subject", default=1.75)
+    worn = f"without --subject: shipped marker set or TOML file, or {AUTO} to choose by the labels (default {AUTO})"
     add_text(parser, "--marker-set", "NAME", worn, default=AUTO)
     add_names_option(parser)
     add_request_options(parser, SolveRequest, trust_labels="--trust-labels")
@@ -42,8 +42,8 @@ def add_parser(group: Any) -> None:
         parser,
         "--filter",
         "HZ",
-        "remove noise from the measured positions, too: low-pass their offsets from the body without lag; 10 "
-        "suits most motion (default: measured positions stay as they are)",
+        "also remove noise from the measured positions, with a zero-lag low-pass filter on their offsets from the "
+        "body; 10 suits most motion (default: measured positions are not changed)",
     )
 
 
@@ -67,7 +67,8 @@ def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     warnings = told([fault.stretch(take) for fault in faults])
     warnings += rewrite_take(args.take, replace(read, positions_m=filled.positions_m), args.out)
     left = sorted({name for name, open_ in zip(read.names, ~filled.visible.all(axis=0), strict=True) if open_})
-    warnings += [f"gaps are left in {', '.join(left)}: they are not in the marker set, or never seen"] * bool(left)
+    if left:
+        warnings.append(f"gaps remain in {', '.join(left)}: these are not in the marker set, or are never visible")
     return {
         "frames": take.frames,
         "gaps": len(lengths),

@@ -37,17 +37,17 @@ from ..performer_options import add_names_option
 def add_parser(group: Any) -> None:
     parser = add_command(group, "import", run, "solve marker takes of other systems and keep them as recorded takes")
     parser.add_argument("takes", nargs="+", metavar="TAKE", help=f"{', '.join(READABLE)}; a {ENDING} is copied")
-    add_text(parser, "--out", "DIR", f"folder for NAME{ENDING}; none is replaced", required=True)
+    add_text(parser, "--out", "DIR", f"folder for NAME{ENDING}; existing takes are kept", required=True)
     add_text(parser, "--database", "DB", "motion database (default: the starter database)")
-    body = "calibrated subject (default: an average body, markers at their usual places)"
+    body = "calibrated subject (default: an average body with the markers at their usual positions)"
     add_text(parser, "--subject", "FILE", body)
     add_number(parser, "--height", "M", "height of the average body (default 1.75)", default=1.75)
     add_text(
         parser,
         "--marker-set",
         "NAME",
-        f"shipped marker set or TOML file, or {AUTO}: the shipped one to which most of a take's labels belong, the "
-        "others placed by the motion (default: the subject's; without a subject the one of most labels)",
+        f"shipped marker set or TOML file, or {AUTO}: the shipped set that matches most of a take's labels; other "
+        "markers are placed from the motion (default: the subject's, or the set that matches most labels)",
     )
     add_names_option(parser)
     add_request_options(parser, SolveRequest, method="--method", trust_labels="--trust-labels")
@@ -55,8 +55,8 @@ def add_parser(group: Any) -> None:
         parser,
         "--up",
         UPS,
-        "axis of the file that points up: auto for that which the performer stands along (default), feet for the "
-        "floor on which the feet stand, which becomes y = 0",
+        "axis of the file that points up: auto for the one along which the performer stands (default), feet to fit "
+        "the floor to the feet and make it y = 0",
         default="auto",
     )
 
@@ -98,7 +98,7 @@ def _subject(args: argparse.Namespace, marker_set: MarkerSet | None) -> Subject:
     if args.subject is not None:
         subject = load_subject(args.subject)
         return subject if marker_set is None else subject.wearing(marker_set)
-    assert marker_set is not None  # noqa: S101 - without a subject the labels choose a set
+    assert marker_set is not None  # noqa: S101 - without a subject, the labels determine the set
     return Subject("average body", default_skeleton(args.height), marker_set)
 
 
@@ -141,11 +141,11 @@ def _copy_recorded(path: Path, folder: Path) -> dict[str, Any]:
     recorded = read_take_file(path)
     out = unused_path(folder, recorded.notes.name)
     recover(recorded, out)
-    warnings = [*recorded.problems, *([] if recorded.poses else [f"{out.stem} has no poses yet: solve it again"])]
+    warnings = [*recorded.problems, *([] if recorded.poses else [f"{out.stem} has no poses yet: solve it"])]
     return {"take": path.name, "frames": recorded.frame_count, "warnings": warnings, "out": str(out)}
 
 
 def _stem(path: Path) -> str:
-    """Return a file name without its format's ending."""
+    """Return a file name without its extension."""
     ending = next((ending for ending in READABLE if path.name.lower().endswith(ending)), "")
     return path.name[: len(path.name) - len(ending)] or path.name

@@ -14,8 +14,8 @@ from ..options import add_command, add_text
 
 
 def add_parser(group: Any) -> None:
-    parser = add_command(group, "recover", run, "write the intact part of a cut-off or damaged take as a whole take")
-    parser.add_argument("take", metavar="TAKE", help=f"recorded take ({ENDING}); it stays as it is")
+    parser = add_command(group, "recover", run, "write the intact part of a cut-off or damaged take as a complete take")
+    parser.add_argument("take", metavar="TAKE", help=f"recorded take ({ENDING}); it is not changed")
     add_text(parser, "--out", "TAKE", f"take to write (default: NAME-recovered{ENDING} beside it)")
 
 
@@ -24,7 +24,7 @@ def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     path = Path(args.take)
     out = Path(args.out) if args.out else path.with_name(f"{take_name(path)}-recovered{ENDING}")
     if not is_recorded(out):
-        raise SettingsError(f"{out} does not end in {ENDING}", advice="recorded takes have this ending")
+        raise SettingsError(f"{out} does not end in {ENDING}", advice="recorded takes have this extension")
     if exists(out) and not args.out:
         raise FormatError("already exists", where=str(out), advice="give another name with --out")
     progress(0.0, "reading")

@@ -20,15 +20,15 @@ from ...system.progress import Progress
 from ..options import add_command
 
 _MAIN = ("frames", "fps", "markers", "visible_fraction", "problems")  # facts listed when several takes are given
-_UNSOLVED = "has no labels and poses yet: perfanim solve finds them"
+_UNSOLVED = "has no labels or poses yet: perfanim solve finds them"
 _NOBODY = ", with --subject, or --skeleton and --marker-set"
 
 
 def add_parser(group: Any) -> None:
-    about = "facts about a take, and whether it is complete; of several takes the main ones"
+    about = "facts about a take, and whether it is complete; for several takes, the main facts"
     parser = add_command(group, "info", run, about)
     parser.add_argument("takes", nargs="+", metavar="TAKE", help=", ".join(READABLE))
-    why = "tell only what the solver decided and why: each restart, relabelling, marker left out, with its time"
+    why = "list only what the solver decided and why: each restart, relabelling and marker left out, with its time"
     parser.add_argument("--why", action="store_true", help=why)
 
 
@@ -58,7 +58,7 @@ def _info(path: str) -> dict[str, Any]:
 def _why(path: str) -> dict[str, Any]:
     take = read_take_file(path) if is_recorded(path) else None
     if take is None or not take.poses:
-        advice = f"perfanim solve {path} --out {Path(path).with_suffix('.perftake')} keeps them"
+        advice = f"perfanim solve {path} --out {Path(path).with_suffix('.perftake')} writes them"
         raise TakeError("has no poses", where=path, advice=advice)
     return {"decisions": [asdict(each) for each in decisions([solved.pose for solved in take.poses])]}
 
@@ -154,5 +154,5 @@ def _left_out(numbers: Any, clock: Clock | None) -> int:
 
 
 def _told(clock: Clock | None) -> list[str]:
-    """Return the other notes about the times."""
+    """Return the notes about the times, except the one about lost frames."""
     return [note.text for note in clock.notes if note.kind is not ClockFault.LOST] if clock is not None else []

@@ -228,7 +228,8 @@ def _fields(
         if not any(cell.strip() for cell in row) or row[0].startswith("#"):
             continue
         if len(row) > width and any(cell.strip() for cell in row[width:]):
-            raise FormatError(f"has more than {width} fields", where=f"{where}, line {number}")
+            place, advice = f"{where}, line {number}", "remove the fields without a heading, or export it again"
+            raise FormatError(f"has more than {width} fields", where=place, advice=advice)
         yield [cell if place in used else "" for place, cell in enumerate(row)], f"{where}, line {number}"
 
 

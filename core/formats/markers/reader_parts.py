@@ -85,14 +85,15 @@ def table_of(rows: Iterable[tuple[Sequence[str], str]], count: int, width: int, 
 
 
 def numbers_of(fields: Sequence[str], where: str) -> list[float]:
-    """Return the numbers in text fields, NaN for blanks and "nan"; without points, commas are decimal points."""
+    """Return the numbers in text fields, NaN for blanks and "nan"; if no field has a point, commas are decimal."""
     try:
         return _numbers(fields)
     except ValueError as error:
         if any("," in field for field in fields) and not any("." in field for field in fields):
             with suppress(ValueError):
                 return _numbers([field.replace(",", ".") for field in fields])
-        raise FormatError(f"has a field that is not a number ({error})", where=where) from None
+        what = f"has a field that is not a number ({error})"
+        raise FormatError(what, where=where, advice="correct the field, or export it again") from None
 
 
 def _numbers(fields: Sequence[str]) -> list[float]:

@@ -108,7 +108,7 @@ def _rows(table: Iterable[list[str]], width: int, where: str) -> Iterator[tuple[
         while beyond > 0 and not fields[width + beyond - 1].strip():
             beyond -= 1
         if beyond > 0 and beyond % 3:
-            raise FormatError(f"has more than {width} fields", where=place)
+            raise FormatError(f"has more than {width} fields", where=place, advice="export it again")
         yield fields, place
 
 

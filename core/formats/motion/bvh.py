@@ -92,7 +92,7 @@ def _read_motion(block: bytes, width: int, where: str, line: int) -> tuple[Array
     rows = numbers.reshape(-1, width)
     if len(rows) == 0:
         raise FormatError("has no frames", where=place, advice="export it with animation")
-    notes = [] if len(rows) == declared else [f"declares {declared} frames, has {len(rows)}"]
+    notes = [] if len(rows) == declared else [f"declares {declared} frames, but has {len(rows)}"]
     fps = 1.0 / interval
     return rows, float(round(fps)) if abs(fps - round(fps)) < 0.01 else fps, notes
 

@@ -78,7 +78,7 @@ class Humanoid:
         self._joint_from_bone = rot.conjugate([bone_from_joint[joint] for joint, _ in BONES.values()])
 
     def poses(self, rotations: Array, root_positions_m: Array) -> BonePoses:
-        """Return poses (F, J, 4) and (F, 3), as in a `Motion`, as humanoid poses."""
+        """Return humanoid poses from the rotations (F, J, 4) and root positions (F, 3) of a `Motion`."""
         world = np.array(rotations, dtype=np.float64)
         for level in self._skeleton.levels:
             above = self._skeleton.parents[level]
@@ -106,7 +106,7 @@ def motion_of_bones(poses: BonePoses, name: str, fps: float) -> Motion:
         SkeletonError: A thigh, shank, upper arm or forearm is missing, or the body is not upright.
     """
     if "Hips" not in poses.names:
-        raise TakeError("has no bone Hips", where=name, advice="set the other program to send all bones")
+        raise TakeError("has no Hips bone", where=name, advice="set the other program to send all bones")
     offsets = np.median(poses.positions_m, axis=0)
     offsets[0] = 0.0
     if np.max(np.abs(offsets)) < 1e-6:

@@ -19,7 +19,7 @@ LIMITS = SenderLimits()
 
 
 class SenderChoice:
-    """Accepts packets from the first program only; once it is silent, those of the next one.
+    """Choice of the first program that sends packets; once it is silent, of the next one.
 
     Attributes:
         others: Programs whose packets were dropped, ten at most.

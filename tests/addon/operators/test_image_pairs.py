@@ -105,7 +105,7 @@ def test_trajectories_of_the_pictures_are_put_on_a_character(part: Any, tracked:
 def test_what_the_cameras_saw_is_solved_for_the_chosen_performer(part: Any, tracked: Path, chosen: Any) -> None:
     bpy.context.scene.render.fps = 30
     text, path = imported(part, tracked, "seen.perftake")
-    assert text == "1 take imported; seen has no poses yet: solve it again"
+    assert text == "1 take imported; seen has no poses yet: solve it"
     operator = part("operators.solve_takes").PERFANIM_OT_solve_take
     given = {"path": str(path), "method": "best", "database": "CHOSEN", "performer": "CHOSEN", "cameras": "RECORDED"}
     said = run_job(part, operator, SimpleNamespace(**given, put_on=True))

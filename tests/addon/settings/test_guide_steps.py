@@ -147,7 +147,7 @@ def test_a_fault_to_practise_on_is_found_by_the_button(part: Any, guide: Any, ch
     assert not bpy.ops.perfanim.check_setup.poll()  # nothing is to be checked of known cameras
     chosen.practise, chosen.practise_fault = True, "BRIGHT"
     clicked = SimpleNamespace(keep_picture=lambda line: None)
-    assert run_job(part, operator, clicked) == "mend first: too bright"
+    assert run_job(part, operator, clicked) == "fix first: too bright"
     assert "too bright" in guide.next_step(chosen)[2].problem
     chosen.practise_fault = "NONE"
     assert not operator.request(clicked, bpy.context).fault
@@ -189,7 +189,7 @@ def test_reflections_are_ignored_and_looked_for_again_by_a_click(
     rows = [
         {"fault": "reflection", "text": "the cameras see 3", "places": ((0, 5.0, 6.0), (0, 7.0, 8.0), (1, 9.0, 9.0))}
     ]
-    assert check.on_result(clicked, bpy.context, {"findings": rows, "space": ""}) == "mend first: reflection"
+    assert check.on_result(clicked, bpy.context, {"findings": rows, "space": ""}) == "fix first: reflection"
     found = guide.reflections(chosen)
     assert len(found) == 3
     assert ignore() == {"FINISHED"}

@@ -43,5 +43,5 @@ def test_cameras_need_pictures_of_one_kind(tmp_path):
     (tmp_path / "left.mp4").write_bytes(b"")
     (tmp_path / "right").mkdir()
     sources = {"left": tmp_path / "left.mp4", "right": tmp_path / "right"}
-    with pytest.raises(perfanim.PerfanimError, match="left is a video and right is not; give videos of all cameras"):
+    with pytest.raises(perfanim.PerfanimError, match="left is a video, but right is not; give a video for"):
         perfanim.calibrate_cameras(sources, "chessboard:9x6:25mm")

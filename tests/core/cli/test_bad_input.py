@@ -118,7 +118,7 @@ CASES = [
     (SOLVE.replace("out/a.bvh", "words.txt/a.bvh"), "words.txt/a.bvh: cannot be written"),
     # calibrate subject
     (SUBJECT.replace("locomotion", "kendo"), "the take has no marker"),
-    (SUBJECT + " --frames 50:20", "leaves nothing; the take has the frames 0:60"),
+    (SUBJECT + " --frames 50:20", "selects no frames; choose from 0:60"),
     (SUBJECT + " --frames ten", "'ten' is not A:B"),
     (SUBJECT + " --seconds -1", "--seconds -1 is out of range"),
     (SUBJECT + " --seconds nan", "--seconds nan"),
@@ -145,7 +145,7 @@ CASES = [
         TRACK.replace("--left left --right right", "--left long.avi --right large.avi"),
         "128x96, but the calibration is for 64x48",
     ),
-    (TRACK.replace("a.take.npz", "a.doc"), "a.doc: has an ending that cannot be written"),
+    (TRACK.replace("a.take.npz", "a.doc"), "a.doc: has an extension that cannot be written"),
     (TRACK + " --seconds 0", "--seconds must be a number above 0 s up to 86,400 s"),
     (TRACK + " --marker-set gone", "there is no marker set or file 'gone'"),
     (TRACK + " --markers 0", "--markers must be a whole number from 1 to 200"),
@@ -189,7 +189,10 @@ CASES = [
     (f"take recover {LONG}.perftake", "cannot be read .File name too long"),
     # simulate, evaluate
     ("simulate markers words.bvh --marker-set boxing --out out/a.take.npz", "words.bvh: is not a BVH file"),
-    ("simulate markers words.bvh --marker-set boxing --out out/a.doc", "a.doc: has an ending that cannot be written"),
+    (
+        "simulate markers words.bvh --marker-set boxing --out out/a.doc",
+        "a.doc: has an extension that cannot be written",
+    ),
     *(
         (f"simulate markers words.bvh --marker-set boxing --out out/a.csv --fps={fps}", "out of range")
         for fps in ("0", "nan", "-5")

@@ -46,7 +46,7 @@ def check_cameras(folder, *more):
 def test_a_fault_is_named_with_advice(folder, capsys):
     assert check_cameras(folder, "--json") == 0
     told = json.loads(capsys.readouterr().out)
-    assert told["verdict"] == "mend first"
+    assert told["verdict"] == "fix first"
     assert {finding["fault"] for finding in told["findings"]} == {"too bright"}
     assert all("shorter exposure" in finding["advice"] for finding in told["findings"])
     assert told["space"].startswith("you may walk ")

@@ -132,7 +132,8 @@ TOLD = {
     ),
     "frames lost": (Trc(**LOST), "warnings", "frames are missing"),
     "numbers against times": (
-        Trc(**LOST, times_s=np.arange(KEPT.sum()) / FPS), "warnings", "skip 10 frames, the times none: the times count"
+        Trc(**LOST, times_s=np.arange(KEPT.sum()) / FPS), "warnings",
+        "skip 10 frames, the times none: the times are used"
     ),
 }  # fmt: skip
 

@@ -159,7 +159,7 @@ def test_a_tracked_take_is_solved_as_live(film, bare, database_file, run, tmp_pa
 def test_trajectories_have_the_labels_of_the_body(film, database_file, run, tmp_path, name, body):
     given = [film.folder / part if "." in part else part for part in body]
     told = run(*film.command(*given, "--database", database_file, "--out", tmp_path / name))
-    assert told["labels"].startswith("by the body") and told["warnings"] == []
+    assert told["labels"].startswith("found with the body") and told["warnings"] == []
     assert told["confidence"] > 0.5 and told["marker_rms_mm"] < 20.0
     take = read_take(tmp_path / name)
     assert list(take.names) == told["names"] and take.fps == FPS
@@ -184,8 +184,10 @@ def test_labels_without_a_body_are_guessed_and_said_to_be(film, run, tmp_path):
 def test_a_take_without_a_performer_is_coped_with(film, bare, run, refused, tmp_path):
     part = tmp_path / "part.perftake"
     told = run(*film.command("--marker-set", "boxing", "--seconds", 0.1, "--out", part))
-    assert (told["frames"], told["labels"]) == (3, "none: solving the take gives them by the body")
-    assert told["warnings"] == ["a .perftake without a body holds no marker set: name it when the take is solved"]
+    assert (told["frames"], told["labels"]) == (3, "none: solving the take labels the markers")
+    assert told["warnings"] == [
+        "a .perftake without a performer stores no marker set: name the set when you solve the take"
+    ]
     info = run("take", "info", bare)
     assert (info["frames"], info["complete"], info["poses"]) == (40, True, 0)
     assert (info["subject"], info["markers"]) == ("", None)

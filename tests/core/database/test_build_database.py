@@ -144,7 +144,7 @@ def test_defects_are_named_and_the_rest_is_imported(folder: Path, tmp_path: Path
     report = build_database([folder], tmp_path / "a.db")
     name = "motion/b/run_02.bvh"
     assert report["defects"] == [
-        {"file": name, "frames": "", "defect": "declares 70 frames, has 61", "done": "all frames present are used"},
+        {"file": name, "frames": "", "defect": "declares 70 frames, but has 61", "done": "all frames present are used"},
         {"file": name, "frames": "11", "defect": "numbers that are not finite", "done": "cut out"},
         {"file": name, "frames": "41-42", "defect": "limb pop of lfemur", "done": "cut out"},
     ]

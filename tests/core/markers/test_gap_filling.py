@@ -123,7 +123,7 @@ def test_filled_file_keeps_its_labels(whole, gappy, suited, database_file, tmp_p
     assert main([*map(str, [*line, "--subject", tmp_path / "ben.toml"]), "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
     assert (told["gaps"], told["filled"]) == (len(GAPS), sum(stop - start for start, stop in GAPS.values()))
-    assert told["warnings"] == ["gaps are left in ball: they are not in the marker set, or never seen"]
+    assert told["warnings"] == ["gaps remain in ball: these are not in the marker set, or are never visible"]
     before, after = (read_take(tmp_path / name) for name in ("a.c3d", "b.c3d"))
     assert (after.names, after.fps) == (names, before.fps)
     np.testing.assert_array_equal(after.positions_m[before.visible], before.positions_m[before.visible])

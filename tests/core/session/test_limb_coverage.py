@@ -74,7 +74,7 @@ def test_an_open_limb_is_told_and_lowers_the_confidence(take, walker, database):
 def test_a_motion_whose_markers_were_guessed_is_not_called_good(take, walker, database):
     told = perfanim.solve(replace(take, is_guessed=True), walker, database, QUICK).verdict
     assert told.reasons[0].kind is ReasonKind.LABELS
-    assert "check the names" in told.text
+    assert "the labels were recognised from the motion" in told.text
 
 
 def test_a_limb_that_a_choice_of_markers_leaves_open_is_told(take, walker, database):

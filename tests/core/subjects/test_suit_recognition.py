@@ -53,7 +53,7 @@ def test_labels_of_a_suit_that_are_exchanged_among_themselves_are_told_and_found
     assert worn.name == SUIT.name
     assert named.names == (*true.values(), "floor")
     assert not named.is_guessed
-    assert any("no body has such distances" in note for note in named.notes)
+    assert any("fit no body" in note for note in named.notes)
 
 
 def test_trajectories_that_are_no_body_are_refused(few_suits, unknown, database):

@@ -55,7 +55,7 @@ def test_unknown_markers_are_placed_on_the_bones_that_carry_them(renamed, placed
 
 def test_the_verdict_names_the_limbs_that_only_placed_markers_hold(renamed, walker, database):
     told = perfanim.solve(renamed[0], walker, database, perfanim.SolveRequest("nearest", place_markers=True)).verdict
-    held = "only markers placed by the motion determine the left arm, the right arm: check the labels"
+    held = "only markers placed from the motion determine the left arm, the right arm: check the labels"
     assert held in [reason.text for reason in told.reasons]
 
 

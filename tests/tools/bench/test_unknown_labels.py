@@ -65,4 +65,4 @@ def test_suits_under_drawn_labels_are_compared_with_their_own_names(suits, tmp_p
     assert "its labels are wrong" in rows[1]["sentence"]
     assert (rows[2]["outcome"], rows[2]["unnamed"]) == ("told", 4)  # elbows and wrists
     assert rows[2]["wrists_mm"] < 60.0
-    assert "only markers placed by the motion determine the left arm" in rows[2]["sentence"]
+    assert "only markers placed from the motion determine the left arm" in rows[2]["sentence"]

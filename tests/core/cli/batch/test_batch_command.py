@@ -46,7 +46,7 @@ def test_a_plan_with_bad_takes(folder, capsys):
     assert main(["batch", str(folder / "plan.toml"), "--jobs", "1", "--json"]) == 1
     printed = capsys.readouterr()
     told = json.loads(printed.out)
-    assert printed.err == f"perfanim: {folder / 'results'}: 2 of 3 takes are bad; see {told['page']}\n"
+    assert printed.err == f"perfanim: {folder / 'results'}: bad takes: 2 of 3; see {told['page']}\n"
     assert (told["good"] + told["doubtful"], told["bad"], told["finished_before"]) == (1, 2, 0)
     none, other, walk = told["takes"]
     assert (none["name"], none["status"]) == ("none", "bad")
@@ -60,7 +60,7 @@ def test_a_plan_with_bad_takes(folder, capsys):
     assert all(Path(place).is_file() for place in (told["page"], *walk["outputs"].values()))
     assert main(["batch", str(folder / "plan.toml")]) == 1
     printed = capsys.readouterr()
-    assert "3 were done before" in printed.out
+    assert "3 from an earlier run" in printed.out
     assert any(line.split()[:2] == ["other", "bad"] for line in printed.out.splitlines())
 
 
@@ -114,7 +114,7 @@ BAD = [
     (["--jobs", "0"], "--jobs 0 is out of range", 1),
     (["--method", "guess"], "invalid choice", 2),
     (["--jobs", "2", "--scheduler", "tcp://here:1"], "--scheduler", 2),
-    (["walk.trc"], "a plan stands alone", 2),
+    (["walk.trc"], "a plan must be the only argument", 2),
 ]
 
 

@@ -156,7 +156,7 @@ def test_results_among_or_below_the_takes_are_no_takes(tmp_path, monkeypatch, ou
         ('[[take]]\ntake = "day1/run.c3d"\n[[take]]\ntake = "day1/run.c3d"', "both be called"),
         ('[[take]]\nsubject = "own.toml"', "names neither a take nor videos"),
         ('cameras = "rig.toml"\n[[take]]\ncamera = []', "names neither a take nor videos"),
-        ('[[take]]\nleft = "a.mp4"\nright = "b.mp4"', "has videos without cameras"),
+        ('[[take]]\nleft = "a.mp4"\nright = "b.mp4"', "has videos but no calibration"),
         ('out = 3\n[[take]]\ntake = "day1"', "out must be a string"),
     ],
 )

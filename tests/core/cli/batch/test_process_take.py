@@ -67,7 +67,7 @@ def test_videos_become_a_character(task, solved, tmp_path):
         "picture": "report/wave.jpg",
         "character": "wave.blend",
     }
-    told = ("a camera is late", "wave.take.npz: odd", "doubtful or without a bone: head, lwrist")
+    told = ("a camera is late", "wave.take.npz: odd", "joints whose bone is doubtful or missing: head, lwrist")
     assert record.warnings == told
     assert sorted(record.sha256) == sorted(record.outputs.values())
     out = tmp_path / "out"

@@ -92,7 +92,7 @@ def test_videos_and_pictures_are_not_mixed(tmp_path, capsys):
     (tmp_path / "a.mp4").write_bytes(b"")
     arguments = ["--camera", f"a={tmp_path}/a.mp4", "--camera", "b=b/*.png", "--board", "chessboard:9x6:20mm"]
     assert main(["calibrate", "cameras", *arguments, "--out", str(tmp_path / "cameras.toml")]) == 1
-    assert "a is a video and b is not" in capsys.readouterr().err
+    assert "a is a video, but b is not" in capsys.readouterr().err
 
 
 def test_board_is_written_as_pdf(tmp_path, capsys):

@@ -91,7 +91,7 @@ def test_markers_that_were_not_worn_are_not_hidden_ones(bring, tmp_path, walk, s
     part = replace(walk, names=tuple(walk.names[at] for at in kept), positions_m=walk.positions_m[:, kept])
     write_take(part, tmp_path / "part.csv")
     (row,) = bring(tmp_path / "part.csv")["takes"]
-    guessed = "no marker determines the left leg: it is guessed"
+    guessed = "no marker determines the left leg: its pose is guessed"
     assert row["warnings"] == ["not in part.csv: LFOO", f"part.csv: {guessed}"]
     take = read_take_file(row["out"])
     assert take.setup.subjects()[0].marker_set.names == part.names

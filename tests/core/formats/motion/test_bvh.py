@@ -84,14 +84,14 @@ def test_unit_is_told_from_the_size_of_the_body(tmp_path: Path, unit: str) -> No
 def test_other_frame_count_is_noted() -> None:
     source = read_bvh(BVH.replace("Frames: 2", "Frames: 7").encode(), "small")
     assert source.frames == 2
-    assert source.notes == ("declares 7 frames, has 2",)
+    assert source.notes == ("declares 7 frames, but has 2",)
 
 
 def test_a_motion_tells_that_its_file_was_cut_off(tmp_path: Path) -> None:
     write_bvh(Motion("a", 30.0, default_skeleton(), rot.identity((9, 29)), np.zeros((9, 3))), tmp_path / "a.bvh")
     text = (tmp_path / "a.bvh").read_text()
     (tmp_path / "a.bvh").write_text(text.replace("Frames: 9", "Frames: 900"))
-    assert read_motion(tmp_path / "a.bvh").notes == ("a.bvh declares 900 frames, has 9",)
+    assert read_motion(tmp_path / "a.bvh").notes == ("a.bvh declares 900 frames, but has 9",)
 
 
 def test_nan_stays_and_is_told() -> None:

@@ -84,7 +84,7 @@ def test_bones_that_come_without_positions_have_the_average_bodys_lengths(truth)
 
 def test_what_makes_no_body_is_refused(truth):
     poses = bone_poses(truth)
-    with pytest.raises(TakeError, match="no bone Hips"):
+    with pytest.raises(TakeError, match="no Hips bone"):
         motion_of_bones(BonePoses(poses.names[1:], poses.positions_m[:, 1:], poses.rotations[:, 1:]), "legs", 30.0)
     with pytest.raises(SkeletonError, match="lfemur"):
         motion_of_bones(BonePoses(poses.names[:6], poses.positions_m[:, :6], poses.rotations[:, :6]), "trunk", 30.0)
