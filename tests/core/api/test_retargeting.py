@@ -31,7 +31,7 @@ def test_motion_is_handed_over_as_a_file_and_none_is_left(truth, asked, tmp_path
 
 
 def test_scene_that_cannot_be_written_is_refused(truth, asked, tmp_path):
-    with pytest.raises(perfanim.PerfanimError, match=r"use \.blend, \.fbx, \.glb, \.bvh"):
+    with pytest.raises(perfanim.PerfanimError, match=r"use one of \.blend, \.fbx, \.glb, \.bvh"):
         perfanim.retarget(truth, tmp_path / "walk.obj", perfanim.RetargetRequest("hero.glb"))
     assert asked == []
 

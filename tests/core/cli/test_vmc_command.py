@@ -119,7 +119,7 @@ def test_one_of_two_programs_is_recorded_and_the_other_named(tmp_path):
     other = []
     facts = run(["--out", tmp_path / "waist.take.npz", "--seconds", "0.01"], send)
     assert (facts["frames"], facts["packets"]) == (5, 5)
-    assert facts["warnings"][0].startswith(f"left out: 127.0.0.1:{other[0]} sent to the same port")
+    assert facts["warnings"][0].startswith(f"ignored 127.0.0.1:{other[0]}, which sent to the same port")
     assert load_take(tmp_path / "waist.take.npz").positions_m[:, 0, 1] == pytest.approx(1.0)
 
 

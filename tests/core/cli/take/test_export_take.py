@@ -159,7 +159,7 @@ def test_motion_is_exported_for_other_programs(tmp_path, recorded, capsys):
     assert ",hand_l_z_deg," in table
     assert b"VRMC_vrm_animation" in (tmp_path / "a.vrma").read_bytes()
     assert main(["take", "export", str(recorded), "--out", str(tmp_path / "a.obj")]) == 1
-    assert "use .bvh, .angles.csv, .vrma" in capsys.readouterr().err
+    assert "use one of .bvh, .angles.csv, .vrma" in capsys.readouterr().err
 
 
 def test_solve_writes_any_kind_of_motion(tmp_path, recorded, capsys):

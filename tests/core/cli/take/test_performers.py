@@ -78,7 +78,7 @@ def test_takes_keep_performers_and_export_them(recorded, partner, subject, tmp_p
 def test_wrong_uses_are_told(recorded, tmp_path, capsys):
     out = str(tmp_path / "a.bvh")
     assert main(["take", "export", str(recorded), "--performer", "Anna", "--out", out]) == 1
-    assert "has no further performer 'Anna'; it was recorded with one" in capsys.readouterr().err
+    assert "has no further performer 'Anna'; only one was recorded" in capsys.readouterr().err
     with pytest.raises(SystemExit):
         main(["solve", "a.csv", "--database", "d", "--subject", "s", "--performer", "p.toml", "--out", out])
     assert "only a .perftake" in capsys.readouterr().err

@@ -81,7 +81,7 @@ def test_takes_keep_props_and_export_them(recorded, sword_poses, tmp_path, capsy
 
 def test_wrong_uses_are_told(recorded, tmp_path, capsys):
     assert main(["take", "export", str(recorded), "--prop", "sword", "--out", str(tmp_path / "a.csv")]) == 1
-    assert "has no prop 'sword'; it was recorded without any" in capsys.readouterr().err
+    assert "has no prop 'sword'; none was recorded" in capsys.readouterr().err
     assert main(["take", "export", str(recorded), "--prop", "sword", "--out", str(tmp_path / "a.trc")]) == 1
     assert "does not end in .csv" in capsys.readouterr().err
     with pytest.raises(SystemExit):
