@@ -199,7 +199,7 @@ def test_what_one_camera_cannot_give_is_refused(folder, capsys):
     one = ["track", "--cameras", f"{folder}/cameras.toml", "--left", f"{folder}/left", "--json"]
     for more, reason in (
         (["--out", f"{folder}/one.trc"], "cannot hold what one camera shows"),
-        (["--out", f"{folder}/one.take.npz", "--truth", f"{folder}/truth.trc"], "needs markers in space"),
+        (["--out", f"{folder}/one.take.npz", "--truth", f"{folder}/truth.trc"], "needs 3D markers"),
         (["--out", f"{folder}/one.take.npz", "--camera", f"left={folder}/right"], "one camera is given two sources"),
     ):
         assert main([*one, *more]) == 1

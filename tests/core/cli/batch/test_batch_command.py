@@ -136,7 +136,10 @@ def test_what_is_refused_before_any_work(folder, tmp_path, capsys, monkeypatch, 
     [
         ('subject = "walker.toml"\n[[take]]\ntake = "walk.trc"', "required: --database"),
         ('database = "all.pfdb"\nsubject = "walker.toml"\nunits = "yd"\n[[take]]\ntake = "walk.trc"', "--units"),
-        ('database = "all.pfdb"\nsubject = "walker.toml"\ntempo = 1\n[[take]]\ntake = "walk.trc"', "no key 'tempo'"),
+        (
+            'database = "all.pfdb"\nsubject = "walker.toml"\ntempo = 1\n[[take]]\ntake = "walk.trc"',
+            "unknown key 'tempo'",
+        ),
     ],
 )
 def test_options_that_cannot_be_meant(folder, capsys, text, said):
