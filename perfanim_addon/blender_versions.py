@@ -126,5 +126,5 @@ def enable_nodes(owner: bpy.types.Material | bpy.types.World) -> None:
 
 
 def texture_options() -> dict[str, bool]:
-    """Return options of `draw_texture_2d` for sRGB pictures: from 5.0 on the viewport does not encode colours."""
+    """Return the options of `draw_texture_2d` for sRGB images: from 5.0 on, the viewport does not encode colours."""
     return {"is_scene_linear_with_rec709_srgb_target": True} if _IS_5 else {}

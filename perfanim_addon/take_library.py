@@ -45,11 +45,11 @@ def new_path() -> Path:
 def listed() -> list[TakeSummary]:
     """Return the takes, newest first, without empty ones and those being recorded.
 
-    Panels ask often: the folder is only read again after a change of its entries, or after `forget`.
+    Panels call this often, so the folder is read again only after its entries have changed, or after `forget`.
     """
     try:
         stamp = folder().stat().st_mtime_ns
-    except OSError:  # a capture reports it
+    except OSError:  # the next capture reports the error
         return []
     if stamp != _known.stamp:
         _known.stamp = stamp
@@ -72,14 +72,14 @@ def are_deleted() -> bool:
 
 
 def forget() -> None:
-    """Read the folder again next time."""
+    """Make the next `listed` read the folder again."""
     _known.stamp = -1
 
 
 def cut_off() -> list[TakeSummary]:
     """Return the takes to offer for recovery, newest first.
 
-    Either their worker died, so that they have no end mark, or they outlived Blender and have not been used since.
+    These are takes whose worker died, which have no end mark, and takes that outlived Blender and are not used yet.
     """
     return [take for take in listed() if not take.complete or (take.orphaned and not take.notes.played)]
 
@@ -140,7 +140,8 @@ def remove(paths: Iterable[Path]) -> int:
             held = path.stat().st_size
             path.unlink()
         except OSError as error:
-            raise TakeError(f"cannot be removed ({error.strerror})", where=str(path)) from error
+            what = f"cannot be removed ({error.strerror})"
+            raise TakeError(what, where=str(path), advice="check its folder") from error
         finally:
             forget()
         freed += held
@@ -153,7 +154,7 @@ def size(paths: Iterable[Path]) -> int:
 
 
 def size_text(count: float) -> str:
-    """Format a number of bytes for people."""
+    """Return a number of bytes with a readable unit."""
     for unit in ("bytes", "KB", "MB"):
         if count < 1000:
             return f"{count:.0f} {unit}"

@@ -39,7 +39,7 @@ def run_in_blender(entry: str, arguments: Sequence[str], blender: str | None = N
 
 
 def check_blender(blender: str | None) -> None:
-    """Raise CharacterError if the named Blender, or else bpy, is missing."""
+    """Raise CharacterError if the named Blender is missing, or bpy if none is named."""
     blender = _chosen(blender)
     if blender is None and importlib.util.find_spec("bpy") is None:
         advice = "install bpy with pip for this Python, or name a Blender executable"

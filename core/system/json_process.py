@@ -12,7 +12,7 @@ from . import helper_process
 
 
 class JsonProcess:
-    """One process; every method except `kill` raises BrokenPipeError once it has ended.
+    """One helper process; every method except `kill` raises BrokenPipeError once the process has ended.
 
     Args:
         serve: Function at the top level of a module that reads requests until its input ends.

@@ -1,4 +1,4 @@
-"""Outputs of commands: they must differ from the inputs, and only one program may write them."""
+"""Outputs of commands: checks that they differ from the inputs, and locks against other writers."""
 
 import os
 import sys
@@ -48,7 +48,7 @@ def writer_lock(target: Path) -> Iterator[None]:
             os.close(handle)
             with suppress(OSError):
                 path.unlink()
-        else:  # removed while locked: the next writer may have opened it, and checks this
+        else:  # removed while locked: another writer that has opened the file checks whether it still exists
             with suppress(OSError):
                 path.unlink()
             os.close(handle)
@@ -64,16 +64,16 @@ def _locked(path: Path) -> int | None:
         with suppress(FileNotFoundError):
             if os.path.samestat(os.fstat(handle), path.stat()):
                 return handle
-        os.close(handle)  # the earlier writer has removed it
+        os.close(handle)  # the earlier writer has removed this file
     return None
 
 
 @contextmanager
 def claimed(target: Path | str) -> Iterator[None]:
-    """Lock an output while a command and its processes compute and write it.
+    """Lock an output while a command and its processes compute and write the file.
 
     Raises:
-        FormatError: Another program is writing it.
+        FormatError: Another program is writing to it.
     """
     real = os.path.realpath(target)
     with writer_lock(Path(real)):
@@ -85,5 +85,5 @@ def claimed(target: Path | str) -> Iterator[None]:
 
 
 def is_claimed(target: Path) -> bool:
-    """Return whether the command for which this process works has locked an output."""
+    """Return whether the command that this process works for has locked an output."""
     return os.environ.get(_CLAIMED) == os.path.realpath(target)

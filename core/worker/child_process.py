@@ -93,7 +93,7 @@ class ChildProcess:
         return f": {lines[-1]}" if lines else ""
 
     def end(self, grace_s: float) -> None:
-        """Close the process's input; `grace_s` later terminate it, then kill it."""
+        """Close the process's input; terminate the process after `grace_s`, and kill it if that fails."""
         self._close_input()
         for force in (self._process.terminate, self._process.kill):
             try:

@@ -125,7 +125,7 @@ class WorkerClient:
 
     @property
     def may_restart(self) -> bool:
-        """Whether a worker that died can be replaced: it, or a predecessor, has sent frames."""
+        """Whether a worker that died can be replaced: only if this process or an earlier one has sent frames."""
         works = self._liveness.frames > 0
         return (works or self.earlier_frames > 0) and not self._stop_asked and self._policy.allows_restart(works)
 

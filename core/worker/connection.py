@@ -122,7 +122,7 @@ class WorkerConnection:
             time.sleep(limit_s)
 
     def disconnect(self) -> None:
-        """Close the connection; a worker ends when this happens."""
+        """Close the connection, which also ends the worker."""
         if self._socket is not None:
             self._socket.close()
         self._socket = None

@@ -26,7 +26,7 @@ _PORT = About("UDP port", "", 0, 65_535)
 
 @dataclass(frozen=True)
 class TrackerSource:
-    """Another program's trackers, received by VMC."""
+    """Another program's trackers, received over VMC."""
 
     port: Annotated[int, _PORT]
     kind: Annotated[str, About("kind of source", choices=("vmc",), optional=False)] = "vmc"

@@ -29,7 +29,7 @@ class Placement:
     only: Collection[str] | None = None  # names of the bones that get keyframes; None for all
     bounds: KeyBounds | None = None  # None for a key in every frame
     marked: Collection[float] = ()  # scene frames with keys of the type Jitter
-    doubtful: Mapping[str, Collection[float]] = field(default_factory=dict)  # the same for each bone
+    doubtful: Mapping[str, Collection[float]] = field(default_factory=dict)  # the same, but for each bone separately
     leave_out: bool = False  # insert no keys in frames in which a bone is doubtful
     blend_s: float = 0.25  # blend time of a layer at its start and end, chosen by eye
 
@@ -54,7 +54,7 @@ def place_action(
 
 
 def fit_strips(animation: bpy.types.AnimData, action: bpy.types.Action, frames: Array) -> None:
-    """Make the strips of an action show all its frames (F,) in which they are keyed."""
+    """Fit the strips of an action to its keyed frames (F,)."""
     for strip in (each for track in animation.nla_tracks for each in track.strips if each.action == action):
         _fit(strip, (float(frames[0]), float(frames[-1])))
 

@@ -1,4 +1,4 @@
-"""Recorded poses, and the motion of objects, written as actions."""
+"""Actions written from recorded poses and from the motion of objects."""
 
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager
@@ -74,7 +74,7 @@ def write_action(
     armature_object = find_armature(object_name)
     at, q, positions = (np.asarray(each, dtype=np.float64) for each in (frames, rotations, root_positions_m))
     if not (np.all(np.isfinite(q)) and np.all(np.isfinite(positions))):
-        raise CharacterError("poses must be finite numbers")
+        raise CharacterError("the poses contain numbers that are not finite", advice="solve the take again")
     return write_with_plan(
         armature_object, at, q, positions, plan_for(armature_object, skeleton), name=name, placement=placement
     )
@@ -98,7 +98,7 @@ def write_with_plan(
     turned = _moved(plan.bones, placement.only)
     moved = _moved(plan.located, placement.only)
     if not turned and not moved:
-        advice = "select bones of the map in Pose Mode, or write all"
+        advice = "select mapped bones in Pose Mode, or write all bones"
         raise CharacterError("none of the selected bones would be moved", where=armature_object.name, advice=advice)
     pose = apply_plan(plan, rotations, root_positions_m)
     keep_in_quaternions(armature_object, turned)
@@ -129,7 +129,7 @@ def write_object_action(
 ) -> str:
     """Write the motion of an object in its parent's space as a new action; return the action's name.
 
-    The object is switched to quaternions; its strip does not blend.
+    The object's rotation mode becomes quaternion; its strip does not blend.
     """
     animation = target.animation_data or target.animation_data_create()
     target.rotation_mode = "QUATERNION"
@@ -142,12 +142,12 @@ def write_object_action(
 
 
 def _moved(bones: tuple[str, ...], only: Collection[str] | None) -> dict[str, int]:
-    """Return the bones to write, with their indices."""
+    """Return bone -> index for the bones to write."""
     return {name: place for place, name in enumerate(bones) if only is None or name in only}
 
 
 def _signs(armature_object: bpy.types.Object, turned: dict[str, int], quaternions: Array, frames: Array) -> Array:
-    """Return the signs (2, B) for the first and last rotations that bring them nearest to the animation below.
+    """Return the signs (2, B) that bring the first and last rotations nearest to the animation in the tracks below.
 
     q and -q are the same rotation, but blending from one to the other is a full turn.
     """

@@ -52,15 +52,15 @@ class KeyWriter:
         self._bounds = bounds
         self._marked = np.isin(frames, list(marked))
         self._doubtful, self._leave_out = doubtful or {}, leave_out
-        # with at most two frames between keys, straight lines show no corners
+        # keys at most two frames apart need no smooth interpolation
         self._straight = len(frames) < 2 or float(np.mean(np.diff(frames))) <= 2.0
         scale = float(np.mean(np.abs(animated.matrix_world.to_scale())))
         self._unit_mm = 1000.0 * bpy.context.scene.unit_settings.scale_length * max(scale, 1e-9)
 
     def rotate(self, path: str, group: str, quaternions: Array, signs: ArrayLike = (1.0, 1.0)) -> None:
-        """Add the four curves of a rotation (F, 4), with signs for its start and end.
+        """Add the four curves of a rotation (F, 4), multiplied by one sign at the start and one at the end.
 
-        If the signs differ, the sign changes halfway, between two keys with nothing drawn between them.
+        If the signs differ, the sign changes halfway, between two keys with constant interpolation.
         """
         first, last = np.asarray(signs, dtype=np.float64)
         kept, types = self._kept(group)
@@ -108,7 +108,7 @@ class KeyWriter:
 
 
 def fill(curve: bpy.types.FCurve, frames: Array, values: Array, straight: bool, types: IntArray | None = None) -> None:
-    """Set a key in each frame, with straight lines between them if `straight`."""
+    """Set a key in each frame, with linear interpolation if `straight`."""
     points = curve.keyframe_points
     points.add(len(frames))
     points.foreach_set("co", np.stack((frames, values), axis=1).astype(np.float32).ravel())

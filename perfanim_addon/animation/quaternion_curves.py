@@ -28,7 +28,7 @@ def quaternions_of(mode: str, values: Array) -> Array:
 
 
 def keep_in_quaternions(armature_object: bpy.types.Object, bones: Collection[str]) -> None:
-    """Add quaternion curves to the animation of bones that are switched to quaternions."""
+    """Add quaternion curves to the animation of bones whose rotation mode will become quaternion."""
     animation = armature_object.animation_data
     turned = [armature_object.pose.bones[name] for name in bones]
     turned = [bone for bone in turned if bone.rotation_mode != "QUATERNION"]

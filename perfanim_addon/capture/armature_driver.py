@@ -1,4 +1,4 @@
-"""Poses applied to an armature, fast enough for every tick of a live capture."""
+"""Driver that poses an armature, fast enough for every tick of a live capture."""
 
 from collections.abc import Collection
 
@@ -49,7 +49,7 @@ class ArmatureDriver:
         self._turned = np.flatnonzero([name in only for name in self.plan.bones])
         self._located = [(name, place) for place, name in enumerate(self.plan.located) if name in only]
         self._names = [self.plan.bones[place] for place in self._turned]
-        keep_in_quaternions(armature_object, self._names)  # otherwise their other animation would stop
+        keep_in_quaternions(armature_object, self._names)  # otherwise their existing animation would stop
         clear_offsets(armature_object, self._names, (name for name, _ in self._located))
         self._order: IntArray = np.array([places[name] for name in self._names], dtype=np.int64)
         self._quaternions = np.zeros((len(bones), 4), dtype=np.float32)

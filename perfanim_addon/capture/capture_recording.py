@@ -22,7 +22,7 @@ class Recording:
     Args:
         countdown_s: Time from the first pose, or with `later` from now, to the first recorded pose.
         length_s: Duration measured by the poses' times; 0 records until `end`.
-        later: Start during the capture; earlier poses are left out.
+        later: The recording starts during the capture, without the poses so far.
     """
 
     def __init__(
@@ -69,7 +69,7 @@ class Recording:
         return Cue.COUNT
 
     def end(self, poses: Sequence[ScenePose]) -> None:
-        """End with the newest pose, or during the countdown without any."""
+        """End the recording with the newest pose; during the countdown it ends empty."""
         self.over, self.seconds_left, self._stop = True, 0, len(poses)
 
     def recorded(self, poses: Sequence[ScenePose]) -> list[ScenePose]:

@@ -123,7 +123,7 @@ def camera_fields(settings: Any, rig: CameraRig | None) -> dict[str, Any]:
 
 
 def calibration(settings: Any, in_use: bool = False) -> CameraRig:
-    """Return the calibration, with `in_use` of the cameras in use only; PerfanimError for a missing or bad file."""
+    """Return the calibration, if `in_use` only of the cameras in use; PerfanimError for a missing or bad file."""
     rig = readiness.rig(absolute(settings.calibration))
     if in_use and len(rig) > 1 and readiness.is_one_camera(settings):
         return CameraRig(rig.cameras[:1], rig.metadata)

@@ -34,7 +34,7 @@ class Phase(Enum):
 
 @dataclass
 class Statistics:
-    """Figures about a running capture."""
+    """Statistics of a running capture."""
 
     received: int = 0  # number of poses
     lost: int = 0  # number of frames missing in the source, by their numbers
@@ -43,10 +43,10 @@ class Statistics:
     latency_s: float = 0.0  # time from the images' arrival to the pose on the armature, newest frame
     solve_s: float = 0.0  # time in the solver, newest frame
     confidence: float = 0.0  # confidence of the newest pose, 0 to 1
-    not_shown: int = 0  # number of poses replaced by newer ones before display; they are recorded
+    not_shown: int = 0  # number of poses that newer ones replaced before display; they are recorded nevertheless
     blind: int = 0  # number of unusable images (late, repeated, black) of all cameras together
     skew_s: float | None = None  # delay of the last camera's image relative to the first's; None if unknown
-    handed_over: int = -1  # number of marker frames sent by the cameras' process; -1 until it ends
+    handed_over: int = -1  # number of marker frames sent by the camera process; -1 until it ends
     slowness: float = 1.0  # duration of work relative to an idle machine
 
 
@@ -65,7 +65,7 @@ class CaptureRun:
         self.fraction: float | None = None
         self.poses = PoseLog()
         self.warnings: list[str] = []
-        self.persistent_warning = ""  # until the worker withdraws it
+        self.persistent_warning = ""  # warning that the worker has not withdrawn
         self.error: PerfanimError | None = None
         self.statistics = Statistics()
         self._client = client
@@ -85,7 +85,7 @@ class CaptureRun:
             return self._restarting or self.persistent_warning
         if self.statistics.slowness > SLOWNESS.busy:
             times = min(TUNING.slownesses, key=lambda each: abs(math.log(each / self.statistics.slowness)))
-            return f"this computer is busy: work takes {times} times as long as otherwise; close other programs"
+            return f"this computer is busy: work takes {times} times as long as usual; close other programs"
         silent_s = self._clock() - self._last_arrival
         if self.phase is Phase.RUNNING and silent_s > TUNING.freeze_notice_s:
             return f"no images for {silent_s:.1f} s"
@@ -118,7 +118,8 @@ class CaptureRun:
         elif self._stop_overdue():
             self.phase = Phase.DONE
             self.error = self.error or CaptureError(
-                "the solver did not end in time; its last frames may be missing", advice="check the end of the action"
+                "the solver did not end in time, so the last frames may be missing",
+                advice="check the end of the action",
             )
         return self.poses[-1] if len(self.poses) > before else None
 
@@ -135,7 +136,7 @@ class CaptureRun:
         self.statistics.latency_s = self._clock() - self._stamp
 
     def tune(self, settings: FilterSettings) -> None:
-        """Set the worker's pose filter (see `core.session.pose_filters`)."""
+        """Change the settings of the worker's pose filter (see `core.session.pose_filters`)."""
         self._client.set_filter(settings)
 
     def stop(self) -> None:

@@ -45,15 +45,15 @@ class CaptureSpace:
         self._own = rot.conjugate(rot.from_matrix(BLENDER_FROM_WORLD))
 
     def to_scene(self, rotations: Array, positions_m: Array) -> tuple[Array, Array]:
-        """Transform rotations (..., 4) and positions (..., 3) of props to the scene."""
+        """Transform rotations (..., 4) and positions (..., 3) of props from the capture space to the scene."""
         return rot.multiply(rot.multiply(self._turn, rotations), self._own), self.points_to_scene(positions_m)
 
     def points_to_scene(self, points_m: Array) -> Array:
-        """Transform points (..., 3) to the scene."""
+        """Transform points (..., 3) from the capture space to the scene."""
         return points_m @ self._linear.T + self._origin
 
     def points_from_scene(self, points: ArrayLike) -> Array:
-        """Transform points (..., 3) from the scene."""
+        """Transform points (..., 3) from the scene to the capture space."""
         away = np.asarray(points, dtype=np.float64) - self._origin
         return np.asarray(away @ np.linalg.inv(self._linear).T)
 
@@ -69,7 +69,7 @@ class CaptureSpace:
         return length_m * float(np.cbrt(abs(np.linalg.det(self._linear))))
 
     def offset_into(self, other: "CaptureSpace", place_m: Array) -> RigidOffset:
-        """Return the offset to another space; both agree at a position (3,)."""
+        """Return the offset into another space, chosen so that both spaces agree at a position (3,)."""
         turn = rot.multiply(rot.conjugate(self._turn), other._turn)
         here_m = np.linalg.solve(self._linear, other.points_to_scene(place_m) - self._origin)
         return RigidOffset(turn, here_m - rot.rotate(turn, place_m))

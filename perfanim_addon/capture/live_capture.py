@@ -28,7 +28,7 @@ from .write_take import RecordedPart, TakeMotion, write_take
 
 
 class LiveCapture:
-    """One capture; it only holds names, because undo and loading a file replace Blender's data.
+    """One capture; it holds only names, because undo and loading a file replace Blender's data.
 
     Args:
         python: Interpreter of the worker; None for Blender's own.
@@ -124,7 +124,7 @@ class LiveCapture:
             self.stop()
 
     def _tell(self, cue: Cue) -> None:
-        activity.redraw_sidebars()  # they show the seconds
+        activity.redraw_sidebars()  # the sidebars show the countdown
         if self._sounds:
             sound.beep(cue.value)
 
@@ -179,7 +179,7 @@ class LiveCapture:
 
     def close(self) -> None:
         """Receive the last messages, and end the worker processes."""
-        with contextlib.suppress(ValueError):  # it was only added for an animated character
+        with contextlib.suppress(ValueError):  # only an animated character has the handler
             bpy.app.handlers.frame_change_post.remove(_after_frame_change)
         if self.job is not None:
             self.job.close()
@@ -188,7 +188,7 @@ class LiveCapture:
         if self.run is not None:
             self.run.tick()
             self.run.close()
-            take_library.forget()  # it now contains this take
+            take_library.forget()  # the folder now contains this take
 
     def keep(self, context: bpy.types.Context) -> str:
         """Write each recording as one action, once; return a report, or "" if there is no recording.
@@ -197,18 +197,18 @@ class LiveCapture:
         its true speed.
         """
         if self._kept is None:
-            self._kept = ""  # a second attempt would fail, too
+            self._kept = ""  # if writing fails, a second attempt would fail, too
             self._kept = self._write(context)
         return self._kept
 
     def _write(self, context: bpy.types.Context) -> str:
         driver, all_poses = self._driver, self.run.poses if self.run else []
-        if settings(context).immediate:  # shown as solved, but recorded calm, as in the take
+        if settings(context).immediate:  # shown as solved, but recorded with the zero-lag filter, as in the take
             all_poses = calm_poses(all_poses)
         parts = [RecordedPart(recording.recorded(all_poses), recording.start_frame) for recording in self.recordings]
         parts = [part for part in parts if part.poses]
         if driver is not None:
-            driver.held.give_back()  # a strip is added above them
+            driver.held.give_back()  # the recording's strip goes above these actions
         if not parts or driver is None or driver.space is None:
             return ""
         _, actions = write_take(context, TakeMotion(driver.targets, driver.props, all_poses), parts, "Capture")
@@ -234,7 +234,7 @@ def further_performers(capture: LiveCapture) -> list[tuple[str, float]]:
 
 
 def refining_take(capture: LiveCapture, chosen: Any) -> str:
-    """Return the take if it is long enough to refine the first performer by, else ""."""
+    """Return the file of the take if it is long enough for refining the first performer, else ""."""
     poses = capture.run.poses if capture.run is not None else ()
     if len(poses) < 2 or readiness.is_known(chosen):
         return ""
@@ -243,7 +243,7 @@ def refining_take(capture: LiveCapture, chosen: Any) -> str:
 
 
 def judge_capture(capture: LiveCapture) -> str:
-    """Return a sentence on the tracking of the first performer, or "" for a short capture."""
+    """Return a sentence on how well the first performer was tracked, or "" for a short capture."""
     run, setup = capture.run, capture.setup
     if run is None or setup is None:
         return ""
@@ -256,5 +256,5 @@ def _after_frame_change(*_: object) -> None:
     """Keep the live pose while the timeline plays."""
     capture = running_capture()
     if capture is not None:
-        with contextlib.suppress(PerfanimError):  # the next tick reports it
+        with contextlib.suppress(PerfanimError):  # the next tick reports the error
             capture.reapply_pose()

@@ -1,4 +1,4 @@
-"""Refinement of the first performer during a capture, with the take so far."""
+"""Refinement of the first performer during a capture, from the take so far."""
 
 from pathlib import Path
 
@@ -26,7 +26,7 @@ class LiveRefinement:
         self._job: Job | None = None
 
     def tick(self, seconds: float) -> bool:
-        """Continue without waiting; return whether there is a new offer. An error only ends the refinement."""
+        """Continue without waiting; return whether there is a new offer. An error ends only the refinement."""
         try:
             return self._advance(seconds)
         except PerfanimError:

@@ -58,7 +58,7 @@ class PerformerTarget:
         return replace(self, armature=name, only=None)
 
     def offset_into(self, space: CaptureSpace, own: CaptureSpace, poses: Sequence[ScenePose]) -> RigidOffset:
-        """Return the offset into the space; both agree where the performer was first seen."""
+        """Return the offset from `own` into `space`, two spaces that agree where the performer was first seen."""
         first = self.first_seen(poses)
         if first is None:
             return own.offset_into(space, np.zeros(3))

@@ -29,7 +29,7 @@ class PoseLog(Sequence[ScenePose]):
 
     def _write(self, data: bytes) -> None:
         try:
-            self._file = self._file or tempfile.TemporaryFile(buffering=0)  # noqa: SIM115 - as long as the log
+            self._file = self._file or tempfile.TemporaryFile(buffering=0)  # noqa: SIM115 - open as long as the log
             self._file.seek(self._ends[-1])
             if self._file.write(data) < len(data):
                 return

@@ -17,7 +17,7 @@ from .performer_targets import PerformerTarget, performer_targets
 
 
 class SuspendedActions:
-    """Detaches the actions of objects and restores them. It only holds names, no Blender data."""
+    """Detaches the actions of objects and restores them. It holds only names, no Blender data."""
 
     def __init__(self) -> None:
         self._held: dict[str, str] = {}
@@ -41,7 +41,7 @@ class SuspendedActions:
 class SceneDriver:
     """Moves characters and objects of performers and props, given in the order of the poses.
 
-    It only holds names, no Blender data. CharacterError if a chosen object or armature cannot follow.
+    It holds only names, no Blender data. CharacterError if a chosen object or armature cannot be driven.
     """
 
     def __init__(
@@ -76,7 +76,7 @@ class SceneDriver:
         return self.space
 
     def apply(self, context: bpy.types.Context, poses: Sequence[ScenePose]) -> None:
-        """Show the newest pose, without deleted further targets; CharacterError if the first character is gone."""
+        """Show the newest pose; deleted further targets are skipped. CharacterError if the first character is gone."""
         space, pose = self.start(context), poses[-1]
         self._main.apply(pose, None)
         self._prop_driver.apply(context, pose.props, space)
@@ -90,7 +90,7 @@ class SceneDriver:
 
 
 class _PerformerDriver:
-    """Drives one performer's character; a further one keeps its action until its performer is seen."""
+    """Drives one performer's character; that of a further performer keeps its action until the performer is seen."""
 
     def __init__(self, target: PerformerTarget, parts: Collection[str], held: SuspendedActions) -> None:
         self.target = target

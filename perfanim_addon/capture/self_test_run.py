@@ -52,9 +52,9 @@ class SelfTest(Job):
             raise run.error
         if run.phase is Phase.DONE:
             good = sum(pose.performers[0].confidence >= TUNING.sure for pose in run.poses)
-            self.lines.append(f"Capture of the simulated performer: {len(run.poses)} poses, {good} of them sure")
+            self.lines.append(f"Capture of the simulated performer: {len(run.poses)} poses, {good} of them confident")
             if 2 * good < len(run.poses):
-                raise CaptureError("the simulated performer is tracked poorly", advice="report this, with these lines")
+                raise CaptureError("the simulated performer is tracked poorly", advice="report this with these lines")
 
     def _capture_request(self) -> CaptureRequest:
         subject = Subject("Self-test", default_skeleton(), load_marker_set(_MARKER_SET))

@@ -1,4 +1,4 @@
-"""Motion of a take written as actions."""
+"""Actions written from a take's motion."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -72,7 +72,12 @@ class _SteadyPoses:
 
 
 def filter_take(take: TakeFile, chosen: FilterSettings, use_stored: bool = True) -> list[ScenePose]:
-    """Return all poses of a take, filtered with its stored settings, if any, else with the chosen ones."""
+    """Return all poses of a take, filtered.
+
+    Args:
+        chosen: Settings for a take that stores none, or whose own are not used.
+        use_stored: Whether the settings stored in the take take precedence.
+    """
     stored = take.notes.filters if use_stored else None
     return filter_poses(
         [solved.pose for solved in take.poses],

@@ -1,7 +1,7 @@
 """Rest pose and effective parents of Blender's armatures, as needed for retargeting.
 
-In control rigs, constraints may make a bone follow a bone other than its parent. This is found by trial: each bone
-is turned, and the bones that turn along are recorded.
+In control rigs, constraints may make a bone follow a bone other than its parent. These bones are found by trial: each
+bone is rotated, and the bones that rotate with it are recorded.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -28,17 +28,17 @@ _APPLY = "apply its scale (Object > Apply > Scale), and that of its parent"
 class ArmatureLimits:
     """Tolerances and sizes of armatures."""
 
-    same_rotation_rad: float = 0.02  # largest difference with which two bones count as turning together
-    same_scale: float = 0.01  # relative change of a limb's length in the scene while it turns
-    same_share: float = 0.003  # difference in a bone's share of the legs' length for which proportions count as equal
-    shortest_bone_m: float = 0.012  # Blender deletes bones without length when Edit Mode is left
+    same_rotation_rad: float = 0.02  # largest difference between the rotations of bones that rotate together
+    same_scale: float = 0.01  # largest relative difference between the axes of a uniform scale
+    same_share: float = 0.003  # largest difference in a bone's share of the leg length for equal proportions
+    shortest_bone_m: float = 0.012  # Blender deletes zero-length bones when Edit Mode is left
 
 
 LIMITS = ArmatureLimits()
 
 
 def read_armature_rest(armature_object: bpy.types.Object) -> ArmatureRest:
-    """Return the rest pose of all bones of an armature object, with the lengths that scaled bones appear to have."""
+    """Return the rest pose of all bones of an armature object, with their displayed lengths (scale included)."""
     bones = list(armature_object.data.bones)  # Blender keeps parents before their children
     place = {bone.name: index for index, bone in enumerate(bones)}
     count = len(bones)
@@ -67,17 +67,17 @@ def read_armature_rest(armature_object: bpy.types.Object) -> ArmatureRest:
 
 
 def own_scale(bone: bpy.types.PoseBone) -> float:
-    """Return the uniform scale of a bone, or 1 for a stretched one.
+    """Return the uniform scale of a bone, or 1 if its scale is non-uniform.
 
-    glTF files can scale bones; importers leave this in the pose, although it belongs to the rest pose. Uneven scale
-    is left over from an animation.
+    glTF files can scale bones; importers leave this scale in the pose, although it belongs to the rest pose. A
+    non-uniform scale is left over from an animation.
     """
     least, most = min(bone.scale), max(bone.scale)
     return float(sum(bone.scale)) / 3.0 if least > 0.0 and most - least <= LIMITS.same_scale * most else 1.0
 
 
 def _shown_scales(armature_object: bpy.types.Object, parents: IntArray) -> Array:
-    """Return the length (B,) that bones of an armature appear to have for a length of 1."""
+    """Return the displayed scale (B,) of an armature's bones, inherited scale included."""
     if armature_object.pose is None:  # the object is not in any scene
         return np.ones(len(parents))
     scales = np.array([own_scale(bone) for bone in armature_object.pose.bones], dtype=np.float64)
@@ -90,22 +90,25 @@ def _shown_scales(armature_object: bpy.types.Object, parents: IntArray) -> Array
 def check_scale(armature_object: bpy.types.Object) -> None:
     """Raise CharacterError for an armature with a non-uniform or mirroring scale, its own or a parent's.
 
-    Bones turn in the armature's own space: with a non-uniform scale, limbs would change their lengths as they turn; a
+    Bones rotate in armature space: with a non-uniform scale, limbs would change their lengths as they rotate. A
     mirrored character would go left when the performer goes right.
     """
     axes = np.array(armature_object.matrix_world.to_3x3(), dtype=np.float64)
     lengths = np.linalg.svd(axes, compute_uv=False)
     name = armature_object.name
     if lengths[0] > (1.0 + LIMITS.same_scale) * lengths[-1]:
-        how = f"{lengths[0] / lengths[-1]:.3g} times longer" if lengths[-1] > 0.0 else "flat"
-        raise CharacterError(f"the scene stretches it, {how} in one direction", where=name, advice=_APPLY)
+        how = f"{lengths[0] / lengths[-1]:.3g} times larger" if lengths[-1] > 0.0 else "flat"
+        raise CharacterError(f"has a non-uniform scale, {how} in one direction", where=name, advice=_APPLY)
     if np.linalg.det(axes) < 0.0:
         advice = f"make the scale positive, or {_APPLY}"
-        raise CharacterError("the scene shows it mirrored by a negative scale", where=name, advice=advice)
+        raise CharacterError("a negative scale mirrors it", where=name, advice=advice)
 
 
 def clear_offsets(armature_object: bpy.types.Object, turned: Iterable[str], moved: Iterable[str]) -> None:
-    """Reset stretch and location of turned bones after an earlier animation, except the locations of moved bones."""
+    """Reset the non-uniform scale of rotated bones, and the location of those that are not also moved.
+
+    An earlier animation may have left both.
+    """
     kept = set(moved)
     for name in turned:
         bone = armature_object.pose.bones[name]
@@ -117,7 +120,7 @@ def clear_offsets(armature_object: bpy.types.Object, turned: Iterable[str], move
 def switch_to_fk(armature_object: bpy.types.Object, bones: Sequence[str]) -> None:
     """Make a rig follow the rotations of the given bones.
 
-    Rigify's switches are set to forward kinematics, and inverse kinematics that end in one of the bones are muted.
+    Rigify's switches are set to FK, and the bones' IK constraints are muted.
     """
     for bone in armature_object.pose.bones:
         for name in (_FK_SWITCH, *_FOLLOW_SWITCHES):
@@ -137,9 +140,10 @@ def is_constrained(armature_object: bpy.types.Object, bones: Sequence[str]) -> b
 
 
 def followed_bones(context: bpy.types.Context, armature_object: bpy.types.Object, bones: Sequence[str]) -> IntArray:
-    """Return for each bone (B,) of an armature which of `bones` turns it, or -1 for none; the pose is restored.
+    """Return for each bone (B,) of an armature the index of the one among `bones` that rotates it, or -1.
 
-    Parents come before their children. CharacterError if constraints hold a bone, so that turning it has no effect.
+    Parents come before their children. The pose is restored. CharacterError if constraints hold a bone, so that
+    rotating it has no effect.
     """
     place = {bone.name: index for index, bone in enumerate(armature_object.data.bones)}
     found = np.full(len(place), -1, dtype=np.int64)
@@ -162,7 +166,7 @@ def followed_bones(context: bpy.types.Context, armature_object: bpy.types.Object
                 if other != index and abs(steps[index].dot(step)) > np.cos(0.5 * LIMITS.same_rotation_rad):
                     led[other].append(index)
     for index, name in enumerate(bones):
-        if led[index]:  # of all bones that turn it, use the one that most others turn: the nearest
+        if led[index]:  # of the bones that rotate it, the one that most others rotate as well is the nearest
             found[place[name]] = place[bones[max(led[index], key=lambda other: len(led[other]))]]
     return found
 
@@ -195,7 +199,7 @@ def delta_transforms(
 ) -> tuple[Array, Array]:
     """Return delta rotations (..., 4) and locations (..., 3) that move an object in its own space.
 
-    The object is switched to quaternions: Blender then turns it by delta · rotation and adds the locations.
+    The object's rotation mode becomes quaternion: Blender then rotates it by delta · rotation and adds the locations.
 
     Args:
         rotations: Rotations (..., 4) of the object in its own space.

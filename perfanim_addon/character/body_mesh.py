@@ -23,7 +23,7 @@ _METRES_PER_STEP = 1e-4  # resolution of the stored coordinates
 
 @dataclass(frozen=True)
 class BodyFit:
-    """Tuned numbers for the fit, chosen by eye."""
+    """Tuned numbers of the fit, chosen by eye."""
 
     least_weight: float = 0.002  # smaller skin weights are dropped: they cost time in every frame and show nothing
     sole_m: float = 0.03  # height up to which a shoe stays on the floor
@@ -69,10 +69,14 @@ def shipped_body() -> Body:
 
 
 def fitted_body(skeleton: Skeleton, heads_m: Array) -> Body:
-    """Return the shipped body on another skeleton with joints (J, 3) of the rest pose.
+    """Return the shipped body on another skeleton.
 
-    The skin of each bone is rotated with its rest direction, stretched along it by its length and across it by the
-    body's girth, and blended by the skin weights. Soles stay on the floor.
+    The skin of each bone is rotated with the bone's rest direction, scaled along the bone by its length and across it
+    by the body's girth, and blended by the skin weights. The soles stay on the floor.
+
+    Args:
+        skeleton: Skeleton of the new body.
+        heads_m: Joint positions (J, 3) of the armature in the rest pose.
     """
     body, plain = shipped_body(), default_skeleton()
     girth = girth_scale(skeleton)
@@ -85,7 +89,7 @@ def fitted_body(skeleton: Skeleton, heads_m: Array) -> Body:
 
 
 def _bone_map(plain_tip_m: Array, tip_m: Array, girth: float) -> Array:
-    """Return the linear map (3, 3) of the skin from the default skeleton's bone."""
+    """Return the linear map (3, 3) from the skin of the default skeleton's bone to that of the new one."""
     before, after = np.linalg.norm(plain_tip_m), np.linalg.norm(tip_m)
     if min(before, after) < 1e-6:
         return girth * np.eye(3)
@@ -98,7 +102,7 @@ def _bone_map(plain_tip_m: Array, tip_m: Array, girth: float) -> Array:
 def add_body(
     context: bpy.types.Context, skeleton: Skeleton, heads_m: Array, armature_object: bpy.types.Object
 ) -> bpy.types.Object:
-    """Add the body as a mesh object deformed by the armature, which has joints (J, 3) in the rest pose; return it."""
+    """Add the body as a mesh object that the armature deforms; return it. Arguments as in `fitted_body`."""
     body = fitted_body(skeleton, heads_m)
     mesh = bpy.data.meshes.new(armature_object.name + " body")
     mesh.from_pydata(axes.points_to_blender(body.vertices_m).tolist(), [], body.faces.tolist())

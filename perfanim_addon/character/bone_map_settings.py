@@ -12,9 +12,9 @@ from ..preferences.property_kinds import HIDDEN, choice, collection, string
 from .armature_reading import read_armature_rest
 
 _ROOT_MOTIONS = (
-    ("HIPS", "Hips", "The hips carry the character through the room"),
-    ("ROOT_BONE", "Root Bone", "The topmost bone above the hips carries it along the floor; without one, the hips do"),
-    ("OBJECT", "Object", "The armature object is moved along the floor, by its delta transform"),
+    ("HIPS", "Hips", "The hips receive the whole root motion"),
+    ("ROOT_BONE", "Root Bone", "The topmost bone above the hips receives the motion along the floor, or else the hips"),
+    ("OBJECT", "Object", "The armature object receives the motion along the floor, as its delta transform"),
 )
 
 
@@ -34,8 +34,8 @@ def _edited(self: Any, _context: object) -> None:
 class PERFANIM_PG_joint(bpy.types.PropertyGroup):
     """A joint, named by the property `name`, and its bone."""
 
-    bone: string("Bone", "Bone that stands for this joint; empty: none", update=_edited)
-    state: string("MatchState", "How sure it is that this bone stands for the joint")
+    bone: string("Bone", "Bone that stands for this joint; empty for none", update=_edited)
+    state: string("MatchState", "How certain the match of joint and bone is")
     reason: string("Reason", "Why the bone is doubtful or missing")
 
 
@@ -52,7 +52,7 @@ class PERFANIM_PG_character(bpy.types.PropertyGroup):
 
 
 def store_map(armature_object: bpy.types.Object, found: BoneMap) -> None:
-    """Store a map with an armature."""
+    """Store a map with an armature object."""
     kept = armature_object.perfanim_character
     kept.filling = True
     kept.joints.clear()

@@ -18,8 +18,8 @@ _FORWARD_BONES = ("foot", "toes")
 def create_character(context: bpy.types.Context, skeleton: Skeleton, name: str = "Performer") -> str:
     """Add an armature with the skeleton's joints, and a humanoid mesh on it.
 
-    The armature stands at the scene's origin in the rest pose, soles on the floor, facing -Y. Bones rotate by
-    quaternions. The new armature becomes the active object, in Object Mode.
+    The armature stands at the scene's origin in the rest pose, soles on the floor, facing -Y. The bones' rotation mode
+    is quaternion. The new armature becomes the active object, in Object Mode.
 
     Args:
         skeleton: Standard skeleton with the proportions of the character.
@@ -64,7 +64,7 @@ def _add_bones(armature: bpy.types.Armature, skeleton: Skeleton) -> None:
         length, least = float(np.linalg.norm(tips[joint])), LIMITS.shortest_bone_m
         longer = least * (tips[joint] / length if length > 1e-6 else up)
         bone.tail = heads[joint] + (tips[joint] if length >= least else longer)
-        # this makes knees, elbows and the spine bend about their local X axis, which animators expect
+        # this roll makes knees, elbows and the spine bend about their local X axis, as animators expect
         bone.align_roll(up if name[1:] in _FORWARD_BONES else forward)
         parent = skeleton.parents[joint]
         if parent >= 0:
@@ -80,7 +80,7 @@ def find_armature(object_name: str) -> bpy.types.Object:
         )
     if obj.type != "ARMATURE":
         raise CharacterError(
-            f"{object_name!r} is a {obj.type.lower()}, not an armature", advice="pick the armature that moves it"
+            f"{object_name!r} is of type {obj.type.lower()}, not an armature", advice="pick the armature that moves it"
         )
     return obj
 

@@ -21,7 +21,7 @@ class StandingPlace:
     height_m: float = 1.9  # height of a standing performer
     low_m: float = 0.3  # height of floors and mats, which do not hide a character
     view_height_m: float = 0.95  # height of the view's centre
-    view_distance_m: float = 7.0  # distance of the view: a performer who walks back and forth stays visible
+    view_distance_m: float = 7.0  # distance of the viewpoint: a performer who walks back and forth stays visible
 
 
 _PLACE = StandingPlace()

@@ -1,8 +1,8 @@
-"""Correction of characters' rest poses to what their importers show.
+"""Correction of a character's rest pose to what its importer shows.
 
 glTF files place, turn and scale joints by nodes, but bind meshes by separate matrices. If the two differ, the
-importer takes the bones from the matrices and poses the topmost bone so that the scene matches the nodes. Reset to its
-bones, such a character would lie down, sink or be a hundred times too large, so the pose of the topmost bone becomes
+importer takes the bones from the matrices and poses the topmost bone so that the scene matches the nodes. With its pose
+cleared, such a character would lie down, sink or be a hundred times too large, so the pose of the topmost bone becomes
 part of the rest pose.
 """
 
@@ -19,7 +19,7 @@ from .armature_reading import LIMITS, own_scale
 
 @dataclass(frozen=True)
 class PlacementLimits:
-    """Limits that tell a placement by the topmost bone from the remains of an animation."""
+    """Limits that tell a placement by the topmost bone from a leftover of an animation."""
 
     still_rad: float = 0.02  # rotation up to which a bone counts as at rest
     step: float = 0.5  # least vertical shift of the topmost bone, share of the body's extent; a crouch shifts it less
@@ -30,7 +30,7 @@ _LIMITS = PlacementLimits()
 
 
 def release_pose(armature_object: bpy.types.Object) -> None:
-    """Detach an armature's other animation, which stays in the file, and reset its bones to the displayed rest pose."""
+    """Detach an armature's animation, which stays in the file, and reset the bones to the displayed rest pose."""
     bpy.context.view_layer.update()
     placement = _placement(armature_object)
     animation = armature_object.animation_data
@@ -53,13 +53,13 @@ def _top(armature_object: bpy.types.Object) -> bpy.types.PoseBone:
 
 
 def _placement(armature_object: bpy.types.Object) -> Matrix | None:
-    """Return the transform, in an armature's space, with which its topmost bone places the body, or None."""
+    """Return the transform in armature space by which the topmost bone places the body, or None."""
     if armature_object.library is not None or armature_object.data.library is not None:
         return None
     top, bones = _top(armature_object), armature_object.pose.bones
     rotation = np.array((top.matrix @ top.bone.matrix_local.inverted()).to_quaternion().to_matrix())
     if any(bone.matrix_basis.to_quaternion().angle > _LIMITS.still_rad for bone in bones if bone != top):
-        rotation = _quarters(rotation)  # an animation also leans and turns the body
+        rotation = _quarters(rotation)  # the rest is lean and turn from an animation
     scale = own_scale(top)
     in_scene = np.array(armature_object.matrix_world.to_3x3())
     heads = scale * np.array([bone.bone.head_local for bone in bones])
@@ -73,7 +73,7 @@ def _placement(armature_object: bpy.types.Object) -> Matrix | None:
 
 
 def _quarters(rotation: Array) -> Array:
-    """Return the nearest rotation (3, 3) by quarter turns; the identity if it is ambiguous."""
+    """Return the nearest rotation (3, 3) made of quarter turns; the identity if there is no unique one."""
     nearest = np.where(np.abs(rotation) > np.cos(np.radians(44.0)), np.sign(rotation), 0.0)
     return nearest if abs(np.linalg.det(nearest) - 1.0) < 1e-9 else np.eye(3)
 

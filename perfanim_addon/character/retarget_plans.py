@@ -23,7 +23,7 @@ PRESETS_FOLDER = "bone_maps"  # user folder
 
 
 def find_map(armature_object: bpy.types.Object, presets_folder: Path | None = None) -> BoneMap:
-    """Find the bone map of an armature with the presets shipped and in a folder; CharacterError if none fits."""
+    """Find the bone map of an armature, using shipped presets and those in a folder; CharacterError if none fits."""
     try:
         return find_bone_map(read_armature_rest(armature_object), read_presets(presets_folder))
     except CharacterError as error:
@@ -105,7 +105,7 @@ def plan_with_map(
 ) -> RetargetPlan:
     """Plan the retargeting to an armature with a map, and switch its IK off; CharacterError if it cannot be driven."""
     check_scale(armature_object)
-    armature_object.data.pose_position = "POSE"  # in rest position it would not move
+    armature_object.data.pose_position = "POSE"  # in Rest Position it would not move
     rest = read_armature_rest(armature_object)
     plan = plan_retarget(skeleton, rest, bone_map, root_motion)
     _rest_between(armature_object, bone_map.bones["root"], plan.bones)
@@ -117,9 +117,9 @@ def plan_with_map(
 
 
 def _rest_between(armature_object: bpy.types.Object, hips: str, driven: Sequence[str]) -> None:
-    """Reset bones between driven ones that earlier actions have posed."""
+    """Reset the bones between driven ones, which earlier actions may have posed."""
     bones, taken = armature_object.pose.bones, set(driven)
     above = {parent.name for name in driven for parent in bones[name].parent_recursive} - taken
-    carriers = {parent.name for parent in bones[hips].parent_recursive}  # these place the character and are left alone
+    carriers = {parent.name for parent in bones[hips].parent_recursive}  # these place the character and keep their pose
     for name in above - carriers:
         bones[name].matrix_basis.identity()

@@ -19,7 +19,7 @@ def exported_bone_names(armature_object: bpy.types.Object, bones: Mapping[str, s
     data = armature_object.data
     if data.library is not None or data.override_library is not None:
         raise CharacterError(
-            "has bones of another file, which cannot be renamed",
+            "has bones linked from another file, which cannot be renamed",
             where=armature_object.name,
             advice="export them under their own names, or make the armature local",
         )

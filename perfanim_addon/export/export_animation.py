@@ -39,7 +39,9 @@ class Form:
 def export_poses(
     context: bpy.types.Context, object_name: str, target: Path, kind: str, motion: Motion, form: Form
 ) -> int:
-    """Write a motion on an armature to a file of a whole number of frames per second; return the number of frames.
+    """Write a motion on an armature to a file; return the number of frames.
+
+    The file has a whole number of frames per second.
 
     Args:
         object_name: Name of the armature object.
@@ -143,7 +145,7 @@ def _run(target: Path, kind: str, path: Path, frames: tuple[int, int]) -> None:
             raise RuntimeError("cancelled")
     except (RuntimeError, AttributeError, TypeError, OSError) as error:
         line = (str(error).strip().splitlines() or ["unknown error"])[-1]
-        advice = f"switch Blender's own {kind} exporter on, under Preferences > Add-ons"
+        advice = f"enable Blender's own {kind} exporter under Preferences > Add-ons"
         raise FormatError(f"cannot be exported ({line})", where=str(target), advice=advice) from error
 
 

@@ -130,7 +130,7 @@ def _performed(
     release_pose(armature_object)
     bpy.context.view_layer.update()  # updates world matrices of imported children
     if is_new and root_motion is RootMotion.HIPS:
-        plan = plan_for(armature_object, motion.skeleton)  # joint by joint, because it has the performer's proportions
+        plan = plan_for(armature_object, motion.skeleton)  # joint by joint: it has the performer's proportions
     else:
         plan = plan_with_map(armature_object, motion.skeleton, bone_map, root_motion)
     frames = scene_frames(np.arange(motion.frames) / motion.fps, scene)
@@ -168,7 +168,7 @@ def open_file(character: Path | None) -> None:
     if kind in _GLTF:
         with tempfile.TemporaryDirectory() as folder:
             copy = character
-            if kind == ".vrm":  # it is a binary glTF, but the importer goes by the suffix
+            if kind == ".vrm":  # it is a binary glTF, but the importer goes by the extension
                 copy = Path(folder) / f"{character.stem}.glb"
                 shutil.copyfile(character, copy)
             _run(character, lambda: bpy.ops.import_scene.gltf(filepath=str(copy), disable_bone_shape=True))
@@ -193,7 +193,7 @@ def _humanoid(character: Path, preset: str | None) -> tuple[bpy.types.Object, Bo
     """Return the humanoid armature with the most meshes, and its bone map."""
     armatures = [obj for obj in bpy.context.scene.objects if obj.type == "ARMATURE"]
     if not armatures:
-        raise CharacterError("there is no armature in it", where=str(character), advice="give a rigged character")
+        raise CharacterError("contains no armature", where=str(character), advice="give a rigged character")
 
     def weight(armature_object: bpy.types.Object) -> tuple[int, int]:
         moved = [obj for obj in bpy.context.scene.objects if obj.find_armature() == armature_object]
@@ -208,7 +208,7 @@ def _humanoid(character: Path, preset: str | None) -> tuple[bpy.types.Object, Bo
             return armature_object, checked_map(rest, load_bone_map(preset), Path(preset).stem)
         except CharacterError as error:
             first = first or CharacterError(error.what, where=str(character), advice=error.advice)
-    assert first is not None  # noqa: S101 - there is an armature, and it was refused
+    assert first is not None  # noqa: S101 - there is an armature, and it was rejected
     raise first
 
 
@@ -229,7 +229,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("out", type=Path, help="file to write (.blend, .fbx, .glb, .bvh)")
     parser.add_argument("--to", type=Path, help="character (.blend, .glb, .gltf, .vrm, .fbx; default: a new one)")
     parser.add_argument("--skeleton", type=Path, help="skeleton (.asf) of an .amc motion")
-    parser.add_argument("--map", help="bone map: a shipped one's name or a file (default: found)")
+    parser.add_argument("--map", help="bone map: name of a shipped one, or a file (default: found automatically)")
     parser.add_argument("--root-motion", choices=[kind.name.lower() for kind in RootMotion], default="hips")
     parser.add_argument("--render", type=Path, metavar="OUT.png", help="also render one frame to this picture")
     parser.add_argument("--frame", type=int, help="frame of the picture, counted from 1 (default: the middle one)")

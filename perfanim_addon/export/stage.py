@@ -25,7 +25,7 @@ class Stage:
     pixels: tuple[int, int] = (480, 640)
     samples: int = 16  # Cycles samples per pixel
     floor_percentile: float = 2.0  # percentile of the toes' heights: outliers and short dips do not lower the floor
-    towards: tuple[float, float, float] = (0.45, -1.0, 0.18)  # direction to the camera, halfway to the performer's left
+    towards: tuple[float, float, float] = (0.45, -1.0, 0.18)  # direction to the camera: front left of the performer
     beside_m: float = 0.15  # margin around the joints in the picture
     above_m: float = 0.25
     sky: tuple[float, float, float] = (0.55, 0.60, 0.66)
@@ -114,7 +114,7 @@ def _look_at(obj: bpy.types.Object, point: Array) -> None:
 
 
 def set_up_rendering(scene: bpy.types.Scene) -> None:
-    """Make Cycles render small pictures on the processor."""
+    """Make Cycles render small pictures on the CPU."""
     scene.render.engine = "CYCLES"
     scene.cycles.device = "CPU"
     scene.cycles.samples = _STAGE.samples
@@ -129,5 +129,5 @@ def render(scene: bpy.types.Scene, target: Path) -> None:
     """Render the current frame to a .png file."""
     scene.render.image_settings.file_format = "PNG"
     with atomic_path(target.with_suffix(".png")) as temporary:
-        bpy.ops.render.render()  # with a file name, it would expand braces as variables
+        bpy.ops.render.render()  # given a file name, Blender would expand braces in it as variables
         bpy.data.images["Render Result"].save_render(str(temporary), scene=scene)

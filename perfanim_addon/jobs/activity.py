@@ -94,7 +94,7 @@ def redraw_sidebars() -> None:
 
 @bpy.app.handlers.persistent
 def _before_load(*_: object) -> None:
-    # if loading fails, the current data remains and keeps the recording
+    # if loading fails, the current data stays, now with the recording
     with contextlib.suppress(PerfanimError):
         finish(bpy.context)
 

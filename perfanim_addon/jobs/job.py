@@ -93,7 +93,7 @@ class Job:
         return None if message is None else message.preview()
 
     def finish(self) -> None:
-        """Ask the worker to end with the result so far; call `tick` until `ended`."""
+        """Ask the worker to end with the result so far; keep calling `tick` until `ended`."""
         self.finishable = False
         if self._client is not None:
             self._client.request_stop()

@@ -6,6 +6,7 @@ from typing import Any
 
 import bpy
 
+from ...core.errors import counted
 from ..settings import batch_settings
 from .database_operators import SolvingOperator
 
@@ -33,8 +34,8 @@ class PERFANIM_OT_run_batch(SolvingOperator, bpy.types.Operator):
 
     def on_result(self, context: bpy.types.Context, summary: dict[str, Any]) -> str:
         show_page(Path(summary["page"]))
-        counted = ", ".join(f"{summary[status]} {status}" for status in ("good", "doubtful", "bad"))
-        return f"{len(summary['takes'])} takes: {counted}; see {summary['page']}"
+        grades = ", ".join(f"{summary[status]} {status}" for status in ("good", "doubtful", "bad"))
+        return f"{counted(len(summary['takes']), 'take')}: {grades}; see {summary['page']}"
 
 
 def show_page(page: Path) -> None:

@@ -7,7 +7,7 @@ from typing import Any
 import bpy
 from bpy_extras.io_utils import ExportHelper
 
-from ...core.errors import CalibrationError
+from ...core.errors import CalibrationError, counted
 from ...core.geometry.rig_file import rig_from, save_rig
 from ...core.system.files import is_folder
 from ...core.vision.sources.source_requests import LiveCameras
@@ -33,7 +33,7 @@ def board_spec(chosen: PERFANIM_PG_settings) -> str:
 
 
 class PERFANIM_OT_calibrate_cameras(JobOperator, bpy.types.Operator):
-    """Calibrate both cameras from images of a chessboard, taken at the same moments"""
+    """Calibrate both cameras from images of the board that they took at the same moments"""
 
     bl_label = "Calibrate from Pictures"
     title = "Calibrating the cameras"
@@ -70,7 +70,7 @@ class _Watching(JobOperator):
 
 
 class PERFANIM_OT_calibrate_board(_Watching, bpy.types.Operator):
-    """Calibrate with the chessboard held still for a moment in each place.
+    """Calibrate with the board held still for a moment in each place.
     Views are taken automatically until the calibration is good"""
 
     bl_label = "Calibrate with Board"
@@ -101,7 +101,7 @@ class PERFANIM_OT_calibrate_board(_Watching, bpy.types.Operator):
             chosen.board_left, chosen.board_right = summary["pictures"]
         _use_rig(chosen, summary, "cameras.toml")
         covered = ", ".join(f"{100.0 * part:.0f} %" for part in summary["coverage"].values())
-        return f"{_quality(summary)}; {summary['used']} views, covered {covered}"
+        return f"{_quality(summary)}; {counted(summary['used'], 'view')}, coverage {covered}"
 
 
 class _FloorFinding(_Watching):
@@ -115,8 +115,8 @@ class _FloorFinding(_Watching):
 
 
 class PERFANIM_OT_set_floor(_FloorFinding, bpy.types.Operator):
-    """Set the floor from the chessboard lying on it, fully visible to both cameras.
-    The middle of the board becomes the scene's origin"""
+    """Set the floor from the board lying on it, fully visible to both cameras.
+    The centre of the board becomes the origin of the capture space"""
 
     bl_label = "Set Floor from Board"
 
@@ -127,7 +127,7 @@ class PERFANIM_OT_set_floor(_FloorFinding, bpy.types.Operator):
     def on_result(self, context: bpy.types.Context, summary: dict[str, Any]) -> str:
         _use_rig(settings(context), summary, "cameras-on-floor.toml")
         off = float(summary["scale"]) - 1.0
-        text = "floor set at the board, origin at its middle"
+        text = "floor set at the board, origin at its centre"
         if abs(off) > 0.02:
             text += f"; the board looks {100.0 * abs(off):.0f} % too {'large' if off > 0 else 'small'}: "
             text += "check the square size, or calibrate again"
@@ -135,7 +135,7 @@ class PERFANIM_OT_set_floor(_FloorFinding, bpy.types.Operator):
 
 
 class PERFANIM_OT_set_floor_markers(_FloorFinding, bpy.types.Operator):
-    """Set the floor from three or more markers; their middle becomes the origin.
+    """Set the floor from three or more markers; their centre becomes the origin.
     Leave the floor empty until the status text asks for them"""
 
     bl_label = "Set Floor from Markers"
@@ -156,7 +156,7 @@ class PERFANIM_OT_set_floor_markers(_FloorFinding, bpy.types.Operator):
 
     def on_result(self, context: bpy.types.Context, summary: dict[str, Any]) -> str:
         _use_rig(settings(context), summary, "cameras-on-floor.toml")
-        text = f"floor set at the {summary['markers']} markers, origin at their middle"
+        text = f"floor set at the {summary['markers']} markers, origin at their centre"
         off = float(summary["scale"]) - 1.0
         wrong = "small" if off > 0 else "large"
         return f"{text}; the calibration was {100.0 * abs(off):.1f} % too {wrong}" if off else text

@@ -60,12 +60,12 @@ class PERFANIM_OT_start_capture(CheckedOperator, bpy.types.Operator):
         return {"PASS_THROUGH"}
 
     def _show(self, context: bpy.types.Context, posed: bool) -> None:
-        """Redraw the statistics once a second, if possible with a new pose, since Blender redraws the viewport, too."""
+        """Redraw the statistics once a second, if possible with a new pose, since this redraws the viewport too."""
         now = time.perf_counter()
         if now - self._shown_at > (TUNING.sidebar_s if posed else 2.0 * TUNING.sidebar_s):
             self._shown_at = now
             activity.redraw_sidebars()
-            text = f"Perfanim: {self._capture.line}.  Esc or Stop Capture: end and keep"
+            text = f"Perfanim: {self._capture.line}.  Esc or Stop Capture: stop and keep"
             if text != self._status:
                 self._status = text
                 context.workspace.status_text_set(text)
@@ -130,7 +130,7 @@ class PERFANIM_OT_record(RunningOperator, bpy.types.Operator):
         capture = running_capture()
         if capture is None or capture.run is None:
             return "Start the capture first"
-        return "" if capture.by_button else "This capture records from its start; switch Record by Button on first"
+        return "" if capture.by_button else "This capture records from its start; enable Record by Button first"
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         activity.current().record(settings(context))

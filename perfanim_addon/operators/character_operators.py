@@ -102,7 +102,7 @@ class PERFANIM_OT_find_bones(_ArmatureOperator, bpy.types.Operator):
 
 class PERFANIM_OT_show_t_pose(_ArmatureOperator, bpy.types.Operator):
     """Put the character into the T pose to check the bone map; Undo restores the pose.
-    A limb in a wrong place is mapped to a wrong bone"""
+    A limb in the wrong place is mapped to the wrong bone"""
 
     bl_label = "Show T Pose"
 
@@ -159,7 +159,8 @@ class PERFANIM_OT_save_bone_map(DialogOperator, _ArmatureOperator, bpy.types.Ope
         bones = {entry.name: entry.bone for entry in kept.joints if entry.bone}
         stem = bpy.path.clean_name(self.name).strip("_")
         if not stem or not bones:
-            raise CharacterError("needs a name and bones", advice="type a name, and click Find Bones")
+            what = "the bone map needs a name and at least one bone"
+            raise CharacterError(what, advice="type a name, and click Find Bones")
         path = user_folder(PRESETS_FOLDER) / f"{stem}.toml"
         write_bone_map(path, self.name, bones)
         return f"{self.name} saved as {path}"

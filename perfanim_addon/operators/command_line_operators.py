@@ -1,7 +1,7 @@
 """Command line of Blender: `blender --background --command perfanim ...`.
 
-Commands run in a separate process, as the worker does, because Blender has already loaded numpy's libraries with
-settings for its window.
+Commands run in a separate process, as the worker does, because Blender has already loaded NumPy's libraries, set up
+for its own use.
 """
 
 import os
@@ -28,17 +28,17 @@ def run(arguments: Sequence[str]) -> int:
     from ...core.worker.child_process import library_paths
 
     python = preferences.worker_python(bpy.context) or sys.executable
-    # characters are retargeted by another process of this Blender, if it is an executable
+    # retargeting runs in another process of this Blender, unless Blender is a Python module ("" as its path)
     environment = {BLENDER_VARIABLE: bpy.app.binary_path, **os.environ}
     order = helper_process.order(in_blender.run, list(arguments), paths=library_paths())
     with subprocess.Popen(helper_process.command(python), stdin=subprocess.PIPE, env=environment) as process:
         if process.stdin is not None:
             process.stdin.write(order.encode() + b"\n")
-            process.stdin.flush()  # it stays open: the process ends when it is closed
+            process.stdin.flush()  # stays open: the process ends when its input is closed
         while True:
             try:
                 status = process.wait()
-            except KeyboardInterrupt:  # the process receives it as well, and cleans up
+            except KeyboardInterrupt:  # the process receives the interrupt as well, and cleans up
                 continue
             return status if status >= 0 else 128 - status
 

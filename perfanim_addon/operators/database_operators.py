@@ -1,4 +1,4 @@
-"""Operators for the motion database: import motion, get motion, use the starter."""
+"""Operators for the motion database: import motion, get motion data, use the starter database."""
 
 from pathlib import Path
 from typing import Any
@@ -8,7 +8,7 @@ import bpy
 
 from ...core.database.public_collections import file_name, public_collections
 from ...core.database.store import DATABASE_SUFFIX
-from ...core.errors import DatabaseError, DownloadError
+from ...core.errors import DatabaseError, DownloadError, counted
 from ...core.system.assets import MOTION
 from ...core.system.download import check_address
 from ...core.system.files import exists
@@ -54,14 +54,14 @@ class SolvingOperator(JobOperator):
 
 
 class _BuildingOperator(JobOperator):
-    """Base of the jobs that build a database and use it."""
+    """Base of jobs that build a database and select it."""
 
     panel = PANEL
     mirror: switch("Mirrored Copies", "Add every clip with left and right swapped")
     cull: switch("Skip Near-Duplicates", "Skip motion that is within one degree per joint angle of an earlier clip")
 
     def build_options(self, context: bpy.types.Context, name: str) -> list[str]:
-        """Return the command's options (the name `options` is taken by Blender)."""
+        """Return the command's options (Blender has its own `options`)."""
         self._target = str(user_folder("databases") / f"{name or 'motion'}{DATABASE_SUFFIX}")
         chosen = ["--mirror"] * self.mirror + ["--cull"] * self.cull
         workers = preferences.workers(context)
@@ -72,9 +72,9 @@ class _BuildingOperator(JobOperator):
         settings(context).database = self._target
         skipped = len(summary.get("skipped") or ())
         text = f"{int(summary.get('frames', 0)):,} frames imported"
-        text = f"{text}, {skipped} files skipped" if skipped else text
+        text = f"{text}, {counted(skipped, 'file')} skipped" if skipped else text
         repaired = sum(row["done"] != "kept" for row in summary.get("defects") or ())
-        return f"{text}, {repaired} defects removed or repaired" if repaired else text
+        return f"{text}, {counted(repaired, 'defect')} removed or repaired" if repaired else text
 
 
 class PERFANIM_OT_build_database(FilesOperator, _BuildingOperator, bpy.types.Operator):
@@ -94,18 +94,19 @@ class PERFANIM_OT_build_database(FilesOperator, _BuildingOperator, bpy.types.Ope
 
 
 class PERFANIM_OT_get_motion(DialogOperator, _BuildingOperator, bpy.types.Operator):
-    """Get a public collection of motion, build a database from it, and use it"""
+    """Download a public collection of motion, build a database from it, and use it"""
 
     bl_label = "Get Motion Data"
     title = "Getting motion data"
     collection: choice(
         "Collection",
-        "Motion to get",
+        "Collection to download",
         [*_COLLECTIONS, (_ADDRESS, "From an Address", "An archive of BVH or AMC files elsewhere")],
     )
     address: string("Address", "http or https address of an archive of BVH or AMC files (.zip, .tar)")
     only: string(
-        "Only", "Take only files of these names or behaviours, such as 09_*, 14_*, boxing: commas between; empty: all"
+        "Only",
+        "Use only files with these names or behaviours, separated by commas, such as 09_*, 14_*, boxing; empty for all",
     )
 
     def draw(self, context: bpy.types.Context) -> None:
@@ -118,7 +119,7 @@ class PERFANIM_OT_get_motion(DialogOperator, _BuildingOperator, bpy.types.Operat
         else:
             for text in (f"Good for: {known.good_for}", f"Licence: {known.licence}", known.page):
                 layout.label(text=text)
-            layout.label(text=f"About {known.megabytes} MB are fetched to {_folder()}", icon="IMPORT")
+            layout.label(text=f"Downloads about {known.megabytes} MB to {_folder()}", icon="IMPORT")
         draw_props(layout, self, "only", "mirror", "cull")
 
     def arguments(self, context: bpy.types.Context) -> list[str]:
@@ -126,7 +127,7 @@ class PERFANIM_OT_get_motion(DialogOperator, _BuildingOperator, bpy.types.Operat
         address = known.address if known else self.address.strip()
         check_address(address)
         if not is_online_allowed() and not is_this_computer(str(urlsplit(address).hostname)):
-            raise DownloadError("online access is off", advice="allow it in the Preferences: System, Network")
+            raise DownloadError("online access is off", advice="enable Allow Online Access in Preferences > System")
         name = known.name if known else file_name(address).partition(".")[0]
         names = [name.strip() for name in self.only.split(",") if name.strip()]
         only = [word for name in names for word in ("--include", name)]

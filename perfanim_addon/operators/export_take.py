@@ -47,10 +47,10 @@ class PERFANIM_OT_export_take(TakeOperator, PanelOperator, bpy.types.Operator, E
         (("OWN", "Unchanged", "The character's own bone names"), *NAMINGS),
     )
     rate: number("Rate (Hz)", "Frames per second of the file; 0 for the recorded rate", 0, 0, 1000)
-    scale: number("Scale", "BVH units per scene unit: 100 for centimetres if the scene has metres", 1, 0.001, 1000)
+    scale: number("Scale", "BVH units per scene unit: 100 for centimetres if the scene is in metres", 1, 0.001, 1000)
     meshes: switch("Meshes", "Include the meshes deformed by the armature", default=True)
     performer: whole_number(
-        "Performer", "Number of the performer in the take, exported on their own character", 1, 1, options={"SKIP_SAVE"}
+        "Performer", "Which performer of the take to export, on their own character", 1, 1, options={"SKIP_SAVE"}
     )
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
@@ -92,7 +92,8 @@ class PERFANIM_OT_export_take(TakeOperator, PanelOperator, bpy.types.Operator, E
         motion = take_motion(context, take)
         poses, count, index = recorded_poses(take, motion), len(motion.performers), self.performer - 1
         if index >= count:
-            raise TakeError(f"has {count} performers", where=take.notes.name, advice="choose one of them")
+            what = f"has no performer {self.performer}, only {count}"
+            raise TakeError(what, where=take.notes.name, advice=f"choose 1 to {count}")
         subject, armature = motion.performers[index].subject, motion.performers[index].armature
         title = f"{take.notes.name} ({subject.name})" if count > 1 else take.notes.name
         naming = "" if self.naming == "OWN" else self.naming
@@ -108,8 +109,8 @@ class PERFANIM_OT_export_take(TakeOperator, PanelOperator, bpy.types.Operator, E
             advice = "choose one under Additional Targets, or click Put on Character"
             raise TakeError("the performer has no character", where=subject.name, advice=advice)
         armature = armature or add_character(context, subject.skeleton)
-        clock = pose_clock(performed, self.path, stated_fps=1.0)  # a still of one pose, too
-        clock = clock.at(max(1.0, round(self.rate or clock.fps)))  # Blender's exporters have whole rates
+        clock = pose_clock(performed, self.path, stated_fps=1.0)  # also for a single pose
+        clock = clock.at(max(1.0, round(self.rate or clock.fps)))  # Blender's exporters need a whole rate
         shown = steady_motion(performed, subject, take.notes.name, clock)
         count = export_poses(context, armature, target, self.kind, shown, Form(self.meshes, naming, self.scale))
         return f"{count} frames of {title} on {armature} in {target}"

@@ -50,7 +50,7 @@ class PERFANIM_OT_show_cameras(_PictureJob, bpy.types.Operator):
 
 
 class PERFANIM_OT_check_setup(_PictureJob, bpy.types.Operator):
-    """Look for faults of light, cameras and markers: leave the view empty,
+    """Check light, cameras and markers for faults: leave the view empty,
     then stand in front of the cameras, hold a T pose and walk about"""
 
     bl_label = "Check Setup"
@@ -91,13 +91,13 @@ class PERFANIM_OT_check_setup(_PictureJob, bpy.types.Operator):
 
 
 class PERFANIM_OT_ignore_reflections(PanelOperator, bpy.types.Operator):
-    """Take nothing at the ringed places, or at one of them, for a marker from now on,
-    live and in films tracked with this calibration. The price: a marker that passes through such a place is not seen
-    there. Covering what reflects is better"""
+    """From now on, ignore bright spots at the ringed places, or at one of them,
+    live and in videos tracked with this calibration. A marker that passes through such a place is not seen there, so it
+    is better to cover whatever reflects"""
 
     bl_label = "Ignore These Places"
     panel = PANEL
-    number: whole_number("Number", "Number of the ring; 0 for all of them", 0, 0, options=HIDDEN)
+    number: whole_number("Number", "Number of the ring; 0 for all rings", 0, 0, options=HIDDEN)
     missing_input = need(
         lambda context: guide_steps.reflections(settings(context)), "Check Setup has found no reflection"
     )
@@ -114,7 +114,7 @@ class PERFANIM_OT_ignore_reflections(PanelOperator, bpy.types.Operator):
 class PERFANIM_OT_forget_ignored(PanelOperator, bpy.types.Operator):
     """Look for markers at these places again"""
 
-    bl_label = "Ignore No Longer"
+    bl_label = "Stop Ignoring"
     panel = PANEL
     camera: whole_number("Camera", "Number of the camera, from 0", 0, 0, options={"HIDDEN"})
     missing_input = need(lambda context: ignored_places.ignored(settings(context)), "No place is ignored")

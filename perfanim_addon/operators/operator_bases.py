@@ -88,9 +88,9 @@ class UndoOperator(PanelOperator):
 
 
 def defect(error: Exception) -> PerfanimError:
-    """Print the traceback of an unexpected error; return an error for the panel."""
+    """Print the traceback of an unexpected exception; return an error for the panel."""
     traceback.print_exc()
-    return CaptureError(f"{type(error).__name__}: {error}", advice="see the console, and report this")
+    return CaptureError(f"{type(error).__name__}: {error}", advice="report this, with the text in the system console")
 
 
 def report_error(operator: bpy.types.Operator, panel: str, error: PerfanimError) -> set[str]:

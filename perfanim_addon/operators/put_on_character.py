@@ -6,7 +6,7 @@ from typing import Any
 import bpy
 
 from ...core.body.scene_pose import ScenePose
-from ...core.errors import TakeError
+from ...core.errors import TakeError, counted
 from ...core.formats.take_file.take_reader import TakeFile, read_take_file, take_name, unused_path
 from .. import take_library
 from ..capture import capture_request
@@ -41,7 +41,7 @@ def recorded_poses(take: TakeFile, motion: TakeMotion) -> list[ScenePose]:
     """Return the poses of the recorded part of a take; TakeError if there are none."""
     poses = [pose for pose in motion.poses if take.is_recorded(pose.number)]
     if not poses:
-        raise TakeError("has no solved poses", where=take.notes.name, advice="solve it again")
+        raise TakeError("has no solved poses", where=take.notes.name, advice="click Solve Again")
     return poses
 
 
@@ -53,8 +53,9 @@ def put_on_character(context: bpy.types.Context, path: Path) -> str:
     part = RecordedPart(poses, start_frame(context))
     name, actions = write_take(context, motion, [part], take.notes.name)
     take_library.mark_played(path, name)
-    text, unsolved = f"{len(poses)} frames in {', '.join(actions)} on {name}", take.frame_count - len(take.poses)
-    return f"{text}; {unsolved} more frames have no pose: use Solve Again" if unsolved > 0 else text
+    text = f"{counted(len(poses), 'frame')} in {', '.join(actions)} on {name}"
+    unsolved = take.frame_count - len(take.poses)
+    return f"{text}; {counted(unsolved, 'more frame')} without a pose: use Solve Again" if unsolved > 0 else text
 
 
 class PERFANIM_OT_play_take(TakeOperator, PanelOperator, bpy.types.Operator):
@@ -81,5 +82,5 @@ class PERFANIM_OT_recover_take(TakeOperator, JobOperator, bpy.types.Operator):
         path = Path(self.path)
         path.rename(path.with_name(path.name + take_library.RECOVERED_SUFFIX))
         take_library.forget()
-        text = f"{summary['frames']} frames recovered, {summary['duration_s']:.1f} s"
+        text = f"{counted(summary['frames'], 'frame')} recovered, {summary['duration_s']:.1f} s"
         return f"{text}; {put_on_character(context, self._target)}" if summary["poses"] else f"{text}: use Solve Again"

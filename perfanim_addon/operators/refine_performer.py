@@ -1,4 +1,4 @@
-"""Operators that refine the performer with a take: refine, use, refuse."""
+"""Operators that refine the performer with a take: refine, use, discard."""
 
 from pathlib import Path
 from typing import Any
@@ -52,7 +52,7 @@ class PERFANIM_OT_refine_performer(TakeOperator, SolvingOperator, bpy.types.Oper
 
 
 class _AnsweringOperator(PanelOperator):
-    """Base of the responses to a refined performer."""
+    """Base of the answers to the offer of a refined performer."""
 
     panel = takes_panel.KEY
     missing_input = need(lambda context: offer.refined, "Click Refine Performer first")
@@ -66,7 +66,7 @@ class PERFANIM_OT_use_refined_performer(_AnsweringOperator, UndoOperator, bpy.ty
     def run(self, context: bpy.types.Context) -> str:
         found, chosen = offer.refined, settings(context)
         if found is None:
-            raise SubjectError("no performer is refined", advice="click Refine Performer first")
+            raise SubjectError("there is no refined performer", advice="click Refine Performer first")
         path = absolute(chosen.subject)
         known = readiness.found(readiness.subject, path) if path else None
         is_same = known is not None and known.name == found.subject.name
@@ -75,13 +75,13 @@ class PERFANIM_OT_use_refined_performer(_AnsweringOperator, UndoOperator, bpy.ty
         save_subject(found.subject, target)
         chosen.subject = str(target)
         offer.close()
-        return f"{target.name} is used from now on; Solve Again with the performer As Chosen improves earlier takes"
+        return f"{target.name} is used from now on; Solve Again with Performer set to As Chosen improves earlier takes"
 
 
 class PERFANIM_OT_refuse_refined_performer(_AnsweringOperator, bpy.types.Operator):
     """Discard the refined performer and keep the current one"""
 
-    bl_label = "Keep Present Performer"
+    bl_label = "Keep Current Performer"
 
     def run(self, context: bpy.types.Context) -> None:
         offer.close()

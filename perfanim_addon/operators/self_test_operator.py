@@ -34,7 +34,7 @@ class PERFANIM_OT_self_test(JobOperator, bpy.types.Operator):
         return result
 
     def on_result(self, context: bpy.types.Context, summary: dict[str, Any]) -> str:
-        return "all works"
+        return "everything works"
 
 
 register = diagnostics.tested.clear

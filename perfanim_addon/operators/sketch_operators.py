@@ -11,7 +11,7 @@ from ...core.body.body_size import standing_root_m
 from ...core.body.calibration_poses import hanging
 from ...core.body.skeleton import forward_kinematics
 from ...core.database.store import open_database
-from ...core.errors import PerfanimError, SettingsError
+from ...core.errors import PerfanimError, SettingsError, counted
 from ...core.sketch.sketch_messages import solution_from
 from ...core.system.files import exists
 from ...core.system.schema import table_of
@@ -34,7 +34,7 @@ from .database_operators import SolvingOperator, is_starter_missing
 from .operator_bases import RunningOperator, UndoOperator, need, report_error
 
 PANEL = live_sketch.KEY
-_CONTROLS = "choose hands, feet, hips, chest or head"
+_CONTROLS = "choose at least one control, such as the hands or the hips"
 _NO_STARTER = "Click Solve Sketch once: it builds the starter database"
 
 
@@ -78,7 +78,8 @@ class PERFANIM_OT_add_controls(UndoOperator, bpy.types.Operator):
     panel = PANEL
     from_action: switch(
         "Key from Animation",
-        "Key them where the character's rough action has keys, to make it natural; their earlier keys go",
+        "Key the controls where the character's rough action has keys, to make that action natural; "
+        "earlier keys of the controls are removed",
     )
 
     def run(self, context: bpy.types.Context) -> str:
@@ -88,13 +89,14 @@ class PERFANIM_OT_add_controls(UndoOperator, bpy.types.Operator):
             raise SettingsError("no control is chosen", advice=_CONTROLS)
         names = add_controls(context, armature, SketchBody.of(armature).space, joints)
         if self.from_action:
-            return f"keys of {len(controls_of(armature))} controls in {key_controls(context, armature)} frames"
-        return f"{len(names)} controls added" if names else "the chosen controls are there already"
+            keyed = counted(key_controls(context, armature), "frame")
+            return f"{counted(len(controls_of(armature)), 'control')} keyed in {keyed}"
+        return f"{counted(len(names), 'control')} added" if names else "the chosen controls already exist"
 
 
 class PERFANIM_OT_follow_rig(_SketchOperator, bpy.types.Operator):
     """Make controls follow the bones of a roughly animated rig.
-    It is the selected one, else a wire copy of the character with its rough action"""
+    This is the selected rig, or else a wire copy of the character with its rough action"""
 
     bl_label = "Follow Rough Rig"
 
@@ -109,7 +111,8 @@ class PERFANIM_OT_follow_rig(_SketchOperator, bpy.types.Operator):
         add_controls(context, armature, SketchBody.of(armature).space, joints)
         count = follow_rig.follow(armature, rig)
         select_only(context, [rig, *selected])
-        return f"{count} controls follow {rig.name}: pose and key its bones, then click Solve Sketch or Live"
+        following = "1 control follows" if count == 1 else f"{count} controls follow"
+        return f"{following} {rig.name}: pose and key its bones, then click Solve Sketch or Live"
 
 
 class PERFANIM_OT_draw_hips_path(_ControlsOperator, bpy.types.Operator):
@@ -144,9 +147,9 @@ class PERFANIM_OT_follow_curve(_ControlsOperator, bpy.types.Operator):
 
 
 class PERFANIM_OT_take_up_sketch(_SketchOperator, bpy.types.Operator):
-    """Set controls, keys and settings to those of the action's sketch"""
+    """Restore controls, keys and settings from the sketch that the action was solved from"""
 
-    bl_label = "Take Up Again"
+    bl_label = "Restore Sketch"
 
     def run(self, context: bpy.types.Context) -> str:
         armature = settings(context).armature
@@ -160,7 +163,7 @@ class PERFANIM_OT_take_up_sketch(_SketchOperator, bpy.types.Operator):
         armature.perfanim_sketch.take_over(chosen)
         armature.perfanim_sketch.free_height = any(each.height_is_free for each in sketch.controls)
         armature.perfanim_sketch.action = action
-        return f"{sum(len(each.frames) for each in sketch.controls)} keys of {action.name}"
+        return f"{counted(sum(len(each.frames) for each in sketch.controls), 'key')} of {action.name} restored"
 
 
 class _SolvesSketch(SolvingOperator):
@@ -237,7 +240,11 @@ class PERFANIM_OT_live_sketch(RunningOperator, bpy.types.Operator):
 
 
 def _behaviours_in(database: Path) -> list[str]:
-    """Return a database's behaviours, each group preceded by its first word; PerfanimError for a damaged one."""
+    """Return a database's behaviours, those with the same first word after that word.
+
+    Raises:
+        PerfanimError: The database is damaged.
+    """
     names = sorted(filter(None, open_database(database).behaviours))
     return list(dict.fromkeys(each for name in names for each in (name.split()[0], name)))
 
@@ -260,7 +267,7 @@ class PERFANIM_OT_add_behaviour(_SketchOperator, bpy.types.Operator):
 
     bl_label = "Add Behaviour"
     bl_property = "behaviour"
-    behaviour: dynamic_choice("Behaviour", "Behaviour to draw from, with all that begin with its name", _listed)
+    behaviour: dynamic_choice("Behaviour", "Behaviour to draw from, and all whose names begin with it", _listed)
 
     @classmethod
     def missing_input(cls, context: bpy.types.Context) -> str:

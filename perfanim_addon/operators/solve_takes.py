@@ -5,7 +5,7 @@ from typing import Any
 
 import bpy
 
-from ...core.errors import SettingsError, TakeError
+from ...core.errors import SettingsError, TakeError, counted
 from ...core.formats.markers.marker_files import READABLE
 from ...core.formats.take_file.take_reader import summarise, unused_path
 from ...core.labelling.take_import import UPS
@@ -26,7 +26,7 @@ from .put_on_character import TakeOperator, put_on_character
 _METHODS = [(name, name, f"The method {name!r}") for name in METHODS]
 _UP_TEXTS = {
     "auto": ("From the Performer", "The axis of the file along which the performer stands"),
-    "feet": ("Floor from the Feet", "The floor under the feet becomes the scene's; for tilted cameras"),
+    "feet": ("Floor from the Feet", "The floor is found under the feet; for tilted cameras"),
     "y": ("Y", "The file's Y axis"),
     "z": ("Z", "The file's Z axis"),
 }
@@ -49,7 +49,7 @@ class PERFANIM_OT_solve_take(DialogOperator, TakeOperator, SolvingOperator, bpy.
     database: _recorded_or_chosen("Database", "motion database", "Motion Database", "CHOSEN")
     performer: _recorded_or_chosen("Performer", "performer", "Subject", "RECORDED")
     cameras: _recorded_or_chosen("Cameras", "calibration of the cameras", "Cameras", "RECORDED")
-    put_on: switch("Put on Character", "Put the result onto the character at once", default=True)
+    put_on: switch("Put on Character", "Put the result onto the character when it is solved", default=True)
 
     def arguments(self, context: bpy.types.Context) -> list[str]:
         chosen, given = settings(context), ["--method", self.method]
@@ -72,7 +72,7 @@ class PERFANIM_OT_solve_take(DialogOperator, TakeOperator, SolvingOperator, bpy.
     def on_result(self, context: bpy.types.Context, summary: dict[str, Any]) -> str:
         takes_panel.choose(self._target)
         name = summarise(self._target).notes.name
-        solved = f"{summary['frames']} frames solved as {name}"
+        solved = f"{counted(summary['frames'], 'frame')} solved as {name}"
         text = put_on_character(context, self._target) if self.put_on else solved
         refused = [summary["verdict"]] * (summary["verdict"] != GOOD)
         return "; ".join((text, *refused, *summary["warnings"]))
@@ -89,7 +89,7 @@ class PERFANIM_OT_import_takes(FilesOperator, SolvingOperator, bpy.types.Operato
     )
     up: choice("Up", "Up axis of the files", [(up, *_UP_TEXTS[up]) for up in UPS], "auto")
     method: choice("Method", "Solver method", _METHODS, "best")
-    trust_labels: switch("Trust Labels", "Take the files' labels as they are, also where they contradict the motion")
+    trust_labels: switch("Trust Labels", "Use the files' labels as they are, even where they contradict the motion")
 
     def draw(self, context: bpy.types.Context) -> None:
         layout, chosen = self.layout, settings(context)
@@ -116,6 +116,5 @@ class PERFANIM_OT_import_takes(FilesOperator, SolvingOperator, bpy.types.Operato
     def on_result(self, context: bpy.types.Context, summary: dict[str, Any]) -> str:
         kept, failed = summary["takes"], summary["failed"]
         takes_panel.choose(Path(kept[0]["out"]))
-        takes = f"{len(kept)} take" + "s" * (len(kept) > 1)
-        count = f"{len(kept)} of {len(kept) + len(failed)} takes" if failed else takes
+        count = f"{len(kept)} of {len(kept) + len(failed)} takes" if failed else counted(len(kept), "take")
         return "; ".join((f"{count} imported", *failed, *(warning for take in kept for warning in take["warnings"])))

@@ -7,7 +7,7 @@ import bpy
 
 from ...core.body.calibration_poses import CALIBRATION
 from ...core.body.standard_skeleton import default_skeleton
-from ...core.errors import SubjectError
+from ...core.errors import SubjectError, counted
 from ...core.markers.subject import Subject, save_subject
 from ...core.system.files import is_file
 from ...core.worker.job_status import PoseCue, PoseStage
@@ -98,13 +98,13 @@ class PERFANIM_OT_record_t_pose(_Recording, bpy.types.Operator):
 
     def on_result(self, context: bpy.types.Context, summary: dict[str, Any]) -> str:
         _take_over(context, summary, False)
-        text = f"{summary['frames']} frames of the T pose: calibrate now"
+        text = f"{counted(summary['frames'], 'frame')} of the T pose: calibrate now"
         return f"{text}; {summary['floor_advice']}" if "floor_advice" in summary else text
 
 
 class PERFANIM_OT_average_performer(UndoOperator, bpy.types.Operator):
     """Use an average body of this height with default marker positions.
-    One camera needs this: it cannot measure the performer"""
+    One camera cannot measure the performer and needs this body"""
 
     bl_label = "Average Body of This Height"
     panel = PANEL
@@ -120,7 +120,7 @@ class PERFANIM_OT_average_performer(UndoOperator, bpy.types.Operator):
 
 
 def _profiles(_context: object) -> list[tuple[str, str, str]]:
-    """Return an item for each file: a performer may have several, as calibrated and as refined."""
+    """Return an item for each file; a performer may have several, such as the calibrated and the refined one."""
     files = sorted(user_folder("subjects").glob("[!.]*.toml"))
     return [(str(file), f"{file.stem}: {readiness.performer_text(str(file))}", str(file)) for file in files]
 
@@ -138,7 +138,7 @@ class PERFANIM_OT_use_profile(UndoOperator, bpy.types.Operator):
     def run(self, context: bpy.types.Context) -> None:
         targets = context.scene.perfanim_targets.entries
         if self.target >= len(targets):
-            raise SubjectError("the target is gone", advice="choose one in the list")
+            raise SubjectError("the target is gone", advice="choose another in the list")
         owner = targets[self.target] if self.target >= 0 else settings(context)
         owner.subject = self.profile
 

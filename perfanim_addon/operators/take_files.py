@@ -4,7 +4,7 @@ from pathlib import Path
 
 import bpy
 
-from ...core.errors import TakeError
+from ...core.errors import TakeError, counted
 from ...core.formats.take_file.take_reader import summarise
 from ...core.formats.take_file.take_setup import MOST_STARS
 from .. import take_library
@@ -54,8 +54,8 @@ class PERFANIM_OT_clean_up_takes(_FileOperator, bpy.types.Operator):
 
     bl_label = "Clean Up Takes"
     deleted: switch("Deleted Takes", "Deleted takes, and damaged files that were recovered", default=True)
-    old: switch("Old Takes", "Listed takes that are older and have no more stars than below")
-    days: whole_number("Older Than (Days)", "Age of old takes", 90, 0, 10_000)
+    old: switch("Old Takes", "Listed takes that are older, and have no more stars, than set below")
+    days: whole_number("Older Than (Days)", "Age above which a take is old", 90, 0, 10_000)
     stars: whole_number("Maximum Stars", "Takes with more stars are kept", 0, 0, MOST_STARS)
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
@@ -65,14 +65,14 @@ class PERFANIM_OT_clean_up_takes(_FileOperator, bpy.types.Operator):
     def draw(self, context: bpy.types.Context) -> None:
         layout = self.layout
         listed, _ = take_library.disk_space()
-        layout.label(text=f"{len(take_library.listed())} takes, {take_library.size_text(listed)}")
+        layout.label(text=f"{counted(len(take_library.listed()), 'take')}, {take_library.size_text(listed)}")
         draw_props(layout, self, "deleted", "old")
         column = layout.column()
         column.enabled = self.old
         draw_props(column, self, "days", "stars")
         files = self._files()
         size = take_library.size_text(take_library.size(files))
-        layout.label(text=f"To be removed permanently: {len(files)} files, {size}", icon="ERROR")
+        layout.label(text=f"To be removed permanently: {counted(len(files), 'file')}, {size}", icon="ERROR")
 
     def _files(self) -> list[Path]:
         old = [take.path for take in take_library.low_rated(self.days, self.stars)] if self.old else []
@@ -81,6 +81,6 @@ class PERFANIM_OT_clean_up_takes(_FileOperator, bpy.types.Operator):
     def run(self, context: bpy.types.Context) -> str:
         files = self._files()
         if not files:
-            raise TakeError("nothing is selected for removal", advice="switch on Deleted Takes or Old Takes")
+            raise TakeError("nothing is selected for removal", advice="enable Deleted Takes or Old Takes")
         freed = take_library.remove(files)
-        return f"{len(files)} files removed, {take_library.size_text(freed)} free"
+        return f"{counted(len(files), 'file')} removed, {take_library.size_text(freed)} freed"

@@ -4,6 +4,7 @@ from typing import Any
 
 import bpy
 
+from ...core.errors import counted
 from ..panels import takes_panel
 from ..panels.targets_panel import KEY as PANEL
 from ..preferences.paths import user_folder
@@ -38,7 +39,7 @@ class PERFANIM_OT_remove_target(UndoOperator, bpy.types.Operator):
 
 
 class PERFANIM_OT_measure_target(DialogOperator, JobOperator, bpy.types.Operator):
-    """Measure the prop from the selected take, a capture of the prop alone"""
+    """Measure the prop from the selected take, which must show the prop alone"""
 
     bl_label = "Measure from Take"
     title = "Measuring the prop"
@@ -65,5 +66,6 @@ class PERFANIM_OT_measure_target(DialogOperator, JobOperator, bpy.types.Operator
         entries = context.scene.perfanim_targets.entries
         if self._index < len(entries):
             entries[self._index].definition = self._target
-        text = f"{summary['name']}: {len(summary['markers_mm'])} markers, rigid to {summary['residual_mm']:.1f} mm"
+        markers = counted(len(summary["markers_mm"]), "marker")
+        text = f"{summary['name']}: {markers}, rigid to {summary['residual_mm']:.1f} mm"
         return "; ".join((text, *summary["advice"]))

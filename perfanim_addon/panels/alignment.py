@@ -1,7 +1,8 @@
 """Alignment of the panels when one of them grows by itself.
 
-Blender moves the panels below a growing one only after drawing it, so it covers the next heading for a moment. When a
-panel appears or disappears, all panels are aligned before they are drawn: therefore two empty panels alternate.
+Blender moves the panels below a growing one only after drawing it, so the growing panel covers the next heading for a
+moment. When a panel appears or disappears, Blender aligns all panels before it draws them. Therefore two empty panels
+alternate.
 """
 
 from dataclasses import dataclass

@@ -102,7 +102,7 @@ class PERFANIM_PT_capture_settings(SidebarPanel, bpy.types.Panel):
 
 
 def _draw_flags(layout: bpy.types.UILayout, chosen: Any, name: str, flags: Iterable[str]) -> None:
-    """Draw the flags of a setting in two columns, because they would be cut off in a row."""
+    """Draw the flags of a setting in two columns, because one row would cut them off."""
     row = layout.split(factor=0.4)  # width of the names on the left
     row.use_property_split = False
     title = row.column()

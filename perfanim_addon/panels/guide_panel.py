@@ -19,7 +19,7 @@ _BOARD, _FOLDERS = ("board_columns", "board_rows", "board_square_mm"), ("board_l
 
 
 class PERFANIM_PT_guide(SidebarPanel, bpy.types.Panel):
-    """Panel with the next step: a sentence, its button, its finding."""
+    """Panel with the next step: a sentence, its button and its result."""
 
     bl_label = "Guide"
     bl_options = {"DEFAULT_CLOSED"}

@@ -6,7 +6,7 @@ from typing import Any
 
 import bpy
 
-from ...core.errors import PerfanimError
+from ...core.errors import PerfanimError, counted
 from ...core.formats.take_file.append_notes import append_notes
 from ...core.formats.take_file.take_reader import TakeSummary, summarise
 from ...core.formats.take_file.take_setup import MOST_STARS
@@ -27,7 +27,7 @@ _wanted = [""]  # file of the take to select when the list is next filled
 
 
 def _note(name: str, default: Any) -> dict[str, Any]:
-    """Return getter and setter for a property that is stored as a note in the take's file."""
+    """Return the getter and setter of a property that is stored as a note in the take's file."""
 
     def get(item: "PERFANIM_PG_take") -> Any:
         return getattr(item.summary.notes, name) if item.summary is not None else default
@@ -137,12 +137,12 @@ def why_not_good(take: TakeSummary) -> str:
 
 
 def _draw_refined(context: bpy.types.Context, layout: bpy.types.UILayout, path: str) -> None:
-    """Draw the changes to the performer refined with a take, and both answers."""
+    """Draw how refining with a take changes the performer, and both answers."""
     found = offer.refined
     if found is None or found.take != path:
         return
     column = layout.column(align=True)
-    for text in (f"{found.subject.name}, refined by this take:", *found.changes):
+    for text in (f"{found.subject.name}, refined with this take:", *found.changes):
         # no line break between a number and its sign or unit
         panel_drawing.draw_text(context, column, text.replace("± ", "±\u00a0").replace(" %", "\u00a0%"), "BLANK1")
     if running_capture() is not None:
@@ -155,7 +155,7 @@ def _draw_refined(context: bpy.types.Context, layout: bpy.types.UILayout, path: 
 def _draw_room(layout: bpy.types.UILayout, count: int) -> None:
     listed, gone = take_library.disk_space()
     if count or gone:
-        text = f"{count} take{'s' * (count != 1)}, {take_library.size_text(listed)}"
+        text = f"{counted(count, 'take')}, {take_library.size_text(listed)}"
         text += f"; deleted {take_library.size_text(gone)}" if gone else ""
         layout.label(text=text, icon="DISK_DRIVE")
         row = layout.row(align=True)
@@ -165,13 +165,13 @@ def _draw_room(layout: bpy.types.UILayout, count: int) -> None:
 
 
 def draw_offer(panel: bpy.types.Panel, context: bpy.types.Context) -> None:
-    """Draw the offers to recover a take and to refine the performer, or during a capture the refinement so far."""
+    """Draw the offers to recover a take and to refine the performer; during a capture, the refinement so far."""
     captured = offer.capture
     if running_capture() is not None:
         _draw_refined(context, panel.layout, captured)
         return
     if captured:
-        panel.layout.operator("perfanim.refine_performer", text="Refine Performer by This Capture").path = captured
+        panel.layout.operator("perfanim.refine_performer", text="Refine Performer with This Capture").path = captured
         _draw_refined(context, panel.layout, captured)
     cut = take_library.cut_off()
     if cut:
@@ -214,8 +214,8 @@ def _length(take: TakeSummary) -> str:
 
 
 def size_of(take: TakeSummary) -> str:
-    """Return frames and disk space of a take."""
-    return f"{take.frames} frames, {take_library.size_text(take_library.size([take.path]))}"
+    """Return the number of frames and the disk space of a take."""
+    return f"{counted(take.frames, 'frame')}, {take_library.size_text(take_library.size([take.path]))}"
 
 
 def origin_of(take: TakeSummary) -> str:

@@ -49,7 +49,7 @@ PAGES = tuple(
 
 
 def manual_map() -> tuple[str, tuple[tuple[str, str], ...]]:
-    """Return the address of the manual and its pages; a working tree has none."""
+    """Return the address of the manual and its pages; a source checkout has no pages."""
     return f"{FOLDER.as_uri()}/", PAGES if FOLDER.is_dir() else ()
 
 

@@ -8,7 +8,7 @@ import bpy
 
 from ...core.system.files import clean_folder
 
-# Root package: "bl_ext.<repository>.perfanim" in Blender; the preferences have this name there.
+# Root package, in Blender "bl_ext.<repository>.perfanim": there it is also the key of the add-on's preferences.
 ADDON = __package__.partition(".perfanim_addon")[0]
 
 # Folders in the preferences: first part of `user_folder` -> name of the preference.
@@ -52,7 +52,7 @@ def folder_problem(kind: str) -> str:
     """Return the reason why a chosen folder cannot be used, or ""."""
     base, _ = _chosen((kind,))
     reason = _make(Path(absolute(base))) if base else ""
-    return f"{base} cannot be used ({reason}): the add-on's own folder is used" if reason else ""
+    return f"{base} cannot be used ({reason}); the add-on's own folder is used instead" if reason else ""
 
 
 def _chosen(parts: Sequence[str]) -> tuple[str, Sequence[str]]:
@@ -65,7 +65,7 @@ def _chosen(parts: Sequence[str]) -> tuple[str, Sequence[str]]:
 def _make(folder: Path) -> str:
     """Create a folder; return the reason why it cannot be used, or ""."""
     if not folder.is_absolute():
-        return "give its whole path"
+        return "it is not an absolute path"
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:

@@ -13,10 +13,10 @@ from .property_kinds import choice, draw_props, file_path, folder_path, number, 
 from .sidebar_tab import DEFAULT_TAB
 
 _METHOD_TEXTS = {
-    "best": "The most accurate",
-    "local-pca": "A local model of pose with the settings of the published method",
+    "best": "The most accurate method",
+    "local-pca": "A local PCA model of the pose, with the settings of the published method",
     "lwr": "Locally weighted regression of the nearest recorded poses",
-    "nearest": "The nearest recorded pose as it is",
+    "nearest": "The nearest recorded pose, unchanged",
 }
 
 
@@ -63,11 +63,11 @@ class PERFANIM_AP_preferences(bpy.types.AddonPreferences):
     database: file_path("Database", "Motion database of new files; empty for the starter database")
     method: choice(
         "Method",
-        "Solver method while capturing; takes can be solved again with another",
+        "Solver method while capturing; takes can be solved again with another method",
         [(name, name, _METHOD_TEXTS[name]) for name in METHODS],
         "best",
     )
-    worker_python: file_path("Worker's Python", "Python program of the worker; empty for Blender's own")
+    worker_python: file_path("Worker's Python", "Python executable for the worker; empty for Blender's own")
     workers: whole_number(
         "Processes", "Number of processes that read motion files during Import Motion; 0 for one per core", 0, 0, 64
     )

@@ -10,12 +10,12 @@ HIDDEN = {"HIDDEN", "SKIP_SAVE"}  # options for a property that only the button 
 
 
 def switch(name: str, description: str, default: bool = False, **more: Any) -> Any:
-    """Return a property that is on or off."""
+    """Return a boolean property."""
     return bpy.props.BoolProperty(name=name, description=description, default=default, **more)
 
 
 def number(name: str, description: str, default: float, least: float, most: float, **more: Any) -> Any:
-    """Return a number within bounds."""
+    """Return a float property within bounds."""
     return bpy.props.FloatProperty(name=name, description=description, default=default, min=least, max=most, **more)
 
 
@@ -25,12 +25,12 @@ def string(name: str, description: str, default: str = "", **more: Any) -> Any:
 
 
 def whole_number(name: str, description: str, default: int, least: int, most: int = _LARGEST, **more: Any) -> Any:
-    """Return an integer within bounds."""
+    """Return an integer property within bounds."""
     return bpy.props.IntProperty(name=name, description=description, default=default, min=least, max=most, **more)
 
 
 def duration(name: str, description: str, default: float, least: float, most: float) -> Any:
-    """Return a time in seconds."""
+    """Return a property for a time in seconds."""
     return number(name, description, default, least, most, subtype="TIME_ABSOLUTE")
 
 

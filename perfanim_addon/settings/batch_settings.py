@@ -46,7 +46,7 @@ class PERFANIM_PG_batch(bpy.types.PropertyGroup):
             ("glb", "glTF", "Character and motion (.glb)"),
         ),
     )
-    processes: whole_number("Processes", "Number of takes solved at a time; 0 for all cores but one", 0, 0, 256)
+    processes: whole_number("Processes", "Number of takes solved at the same time; 0 for all cores but one", 0, 0, 256)
 
 
 def problem(chosen: Any) -> str:

@@ -33,7 +33,7 @@ _seen = _Seen()
 
 
 def keep_pictures(devices: Sequence[int], pictures: Image) -> None:
-    """Offer cameras, with pictures (height, width, 3), RGB, side by side."""
+    """Offer these cameras, with their RGB pictures (height, width, 3) side by side."""
     _seen.devices = tuple(devices)
     if _seen.thumbnails is not None:
         bpy.utils.previews.remove(_seen.thumbnails)
@@ -73,16 +73,16 @@ def address_problem(address: str) -> str:
     if not address:
         return "enter the address of the camera, such as rtsp://192.168.1.20:554/stream"
     if not is_stream(address):
-        return f"{address}: not the address of a camera; enter one such as rtsp://192.168.1.20:554/stream"
+        return f"{address}: not the address of a camera; enter an address such as rtsp://192.168.1.20:554/stream"
     try:
         host = urlsplit(address).hostname or ""
     except ValueError:  # an unbalanced bracket
         host = ""
     if not host:
-        return f"{address}: names no camera; enter one such as rtsp://192.168.1.20:554/stream"
+        return f"{address}: has no host name; enter an address such as rtsp://192.168.1.20:554/stream"
     if is_online_allowed() or is_this_computer(host):
         return ""
-    return f"{host}: online access is off; switch on Allow Online Access in Preferences > System"
+    return f"{host}: online access is off; enable Allow Online Access in Preferences > System"
 
 
 def _icon(device: int) -> int:

@@ -69,17 +69,17 @@ BEHAVIOURS = (
 )
 
 PRACTISE_FAULTS = (
-    ("NONE", "None", "All is well"),
+    ("NONE", "None", "No fault"),
     *(
-        (fault.name, fault.capitalize(), f"Practise with a studio that is like this: {fault}")
+        (fault.name, fault.capitalize(), f"Practise with a simulated studio that has this fault: {fault}")
         for fault in Fault
-        if fault not in (Fault.BOARD_SMALL, Fault.FLIPPED)  # faults of pictures without a performer, and of films only
+        if fault not in (Fault.BOARD_SMALL, Fault.FLIPPED)  # need pictures without a performer, or videos
     ),
 )
 
 _ADDRESS = (
     "Address of the camera's video stream, as its manual or app shows it, such as rtsp://192.168.1.20:554/stream or "
-    "http://192.168.1.20:8080/video. With a user name: rtsp://name:password@... (saved readably in this file)"
+    "http://192.168.1.20:8080/video. With a user name: rtsp://name:password@... (saved unencrypted in this file)"
 )
 
 BOARD_CODES = tuple(f"DICT_{size}X{size}_{count}" for size in (4, 5, 6, 7) for count in (50, 100, 250, 1000))
@@ -164,7 +164,7 @@ class PERFANIM_PG_settings(bpy.types.PropertyGroup):
     height: whole_number("Height", "Image height", 480, 120, 4096, subtype="PIXEL")
     camera_fps: number(
         "Rate (Hz)",
-        "Frame rate requested from the cameras. 0 leaves it to them: webcams mostly give 30; set it for faster ones",
+        "Frame rate requested from the cameras. 0 leaves it to them: most webcams give 30; set it for faster cameras",
         0,
         0,
         500,
@@ -173,13 +173,14 @@ class PERFANIM_PG_settings(bpy.types.PropertyGroup):
     right_video: file_path("Right", "Video of the right camera; empty for one camera only")
     left_folder: folder_path(
         "Left",
-        "Folder with the left camera's numbered images; or a pattern like film/*_1.jpg, where one folder has all",
+        "Folder with the left camera's numbered images; or a pattern such as images/*_1.jpg if one folder holds all "
+        "images",
     )
     right_folder: folder_path(
         "Right", "Folder or pattern of the right camera's numbered images; empty for one camera only"
     )
     files_fps: number(
-        "Rate (Hz)", "Frame rate at which the images were taken, where their names do not say it", 30, 1, 500
+        "Rate (Hz)", "Frame rate at which the images were taken, unless their names contain the times", 30, 1, 500
     )
     calibration: file_path("Calibration", "Calibration file of the two cameras (TOML)")
     ignored_places: string("Ignored Places", "Reflections that are not markers, until a calibration file holds them")
@@ -235,7 +236,7 @@ class PERFANIM_PG_settings(bpy.types.PropertyGroup):
     marker_set_file: file_path("File", "Custom marker set (TOML); empty for the set above")
     threshold_auto: switch("Auto", "Choose the brightness threshold from the learned background", default=True)
     threshold: number(
-        "Threshold", "Grey levels by which the pixels of a marker differ from the learned background", 38, 1, 255
+        "Threshold", "Grey levels by which a marker's pixels must exceed the learned background", 38, 1, 255
     )
     background_s: duration(
         "Background", "Time at the start of a capture for learning the empty view: stay out of sight", 2, 0.1, 60
@@ -255,7 +256,7 @@ class PERFANIM_PG_settings(bpy.types.PropertyGroup):
     subject_height: number("Height (m)", "Height of the performer", 1.75, 1.2, 2.3)
     subject_take: file_path("Take", "Marker take of the calibration poses, T pose first")
     take_poses: switch(
-        "All Three Poses", "The take has T pose, hanging arms and motorcycle pose; otherwise the T pose only"
+        "All Three Poses", "The take shows T pose, hanging arms and motorcycle pose; otherwise only the T pose"
     )
 
     # Motion Database panel
@@ -298,8 +299,8 @@ class PERFANIM_PG_settings(bpy.types.PropertyGroup):
     )
     immediate: switch(
         "Immediate",
-        "Show each pose as soon as it is solved. Otherwise it is shown two frames later and calmed by the poses around "
-        "it. Recordings are always calmed",
+        "Show each pose as soon as it is solved. Otherwise it is shown two frames later, smoothed with the poses "
+        "around it. Recordings are always smoothed in this way",
         update=_retune,
     )
     smoothing_ms: number(

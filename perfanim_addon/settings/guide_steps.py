@@ -224,7 +224,7 @@ STEPS = (
         "Floor",
         _live_or_recorded(
             "Lay the board on the floor where you will stand.",
-            "Recorded pictures set no floor. Skip this step: the feet in the T pose give it.",
+            "Recorded images set no floor here. Skip this step: the floor is found from the feet in the T pose.",
         ),
         _always("set_floor"),
         "cameras",
@@ -234,7 +234,7 @@ STEPS = (
     GuideStep(
         "Markers",
         _live_or_recorded(
-            "Put the markers of the set on. Leave the view empty, click, then hold a T pose and walk about.",
+            "Put on the markers of the set. Leave the view empty, click, then hold a T pose and walk about.",
             "Choose the set that was worn and click. The recording should show a T pose and a walk.",
         ),
         _always("check_setup"),
@@ -269,8 +269,8 @@ STEPS = (
     GuideStep(
         "Capture",
         _live_or_recorded(
-            "All is ready. Walk about for ten seconds as a test, then stop: the guide says how good it will be.",
-            "All is ready. Click: after the end of the recording the guide says how good it was.",
+            "All is ready. Walk about for ten seconds as a test, then stop: the guide says how good captures will be.",
+            "All is ready. Click: at the end of the recording the guide says how good the capture was.",
         ),
         _always("start_capture"),
         "capture",

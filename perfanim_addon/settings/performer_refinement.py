@@ -1,6 +1,6 @@
-"""Refined performer until it is used or refused, and the offer to refine with the last capture.
+"""Refined performer until it is used or discarded, and the offer to refine with the last capture.
 
-Nothing is stored in Blender's data or in files, so a refused performer leaves no trace.
+Nothing is stored in Blender's data or in files, so a discarded performer leaves no trace.
 """
 
 from dataclasses import dataclass

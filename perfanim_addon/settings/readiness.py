@@ -82,7 +82,7 @@ def _loaded(kind: str, load: Callable[[str], Any], path: str) -> Any:
     return known[1]
 
 
-# Content of a file; PerfanimError if it is missing or damaged.
+# Return the content of a file; PerfanimError if the file is missing or damaged.
 rig: Callable[[str], CameraRig] = partial(_loaded, "rig", load_rig)
 subject: Callable[[str], Subject] = partial(_loaded, "subject", load_subject)
 prop: Callable[[str], Prop] = partial(_loaded, "prop", load_prop)
@@ -179,7 +179,7 @@ def cameras(settings: Any) -> StepStatus:
         count = len(devices(settings))
         if count != len(calibrated):
             text = f"calibrated for {len(calibrated)} cameras, but {count} are chosen"
-            return faulty(text, f"{text}: calibrate them, or open their calibration, under Cameras")
+            return faulty(text, f"{text}: calibrate the chosen cameras, or open their calibration, under Cameras")
     if is_one_camera(settings):
         return ready("one camera")
     apart = float(np.linalg.norm(calibrated.cameras[0].centre_m - calibrated.cameras[-1].centre_m))
@@ -191,7 +191,7 @@ def devices(settings: Any) -> tuple[int | str, ...]:
     """Return the device numbers or network addresses of the chosen cameras.
 
     Raises:
-        CaptureError: A text is neither a number nor an address, or one camera is chosen twice.
+        CaptureError: An entry is neither a number nor an address, or one camera is chosen twice.
     """
     left = _device(settings.left_device, settings.left_address, "left camera")
     if settings.right_device == NONE:
@@ -219,7 +219,7 @@ def _further_device(text: str) -> int | str:
     if ":" in text:
         return _device(NETWORK, text, "additional cameras")
     problem = f"{text!r} is not a device number or an address"
-    raise CaptureError(problem, where="additional cameras", advice="enter e.g. 2, 3")
+    raise CaptureError(problem, where="additional cameras", advice="enter numbers or addresses, such as 2, 3")
 
 
 def is_one_camera(settings: Any) -> bool:

@@ -12,7 +12,7 @@ from ..preferences.property_kinds import choice, draw_props, number, property_co
 _ONTO = (
     (PlacementMode.ACTION.name, "New Action", "Replace the active action, which is kept in the file"),
     (PlacementMode.STRIP.name, "NLA Strip", "Push the active action down and add a strip above it"),
-    (PlacementMode.LAYER.name, "Layer", "Add a strip that blends in over the present animation and out again"),
+    (PlacementMode.LAYER.name, "Layer", "Add a strip that blends in over the existing animation and out again"),
 )
 
 
@@ -34,7 +34,7 @@ class PERFANIM_PG_result(bpy.types.PropertyGroup):
             (
                 "RECORDED",
                 "As Recorded",
-                "As during the capture; takes that do not store it: as set in the Capture panel",
+                "As during the capture; for takes that do not store this, as set in the Capture panel",
             ),
             ("CHOSEN", "As Set", "As set in the Capture panel"),
         ),
@@ -45,10 +45,10 @@ class PERFANIM_PG_result(bpy.types.PropertyGroup):
     )
     doubtful: choice(
         "Doubtful Poses",
-        "Keyframes of poses that are probably wrong, as the take lists them",
+        "What to do in frames in which the take lists the pose as probably wrong",
         (
-            ("MARK", "Mark", "Insert them as keyframes of the type Jitter"),
-            ("LEAVE_OUT", "Leave Out", "Insert none, so that the motion is interpolated"),
+            ("MARK", "Mark", "Insert keyframes of the type Jitter"),
+            ("LEAVE_OUT", "Leave Out", "Insert no keyframes, so that the motion is interpolated"),
         ),
         "MARK",
     )
@@ -60,7 +60,11 @@ class PERFANIM_PG_result(bpy.types.PropertyGroup):
 def placement(
     context: bpy.types.Context, armature_object: bpy.types.Object | None, only: frozenset[str] | None = None
 ) -> Placement:
-    """Return the placement of keyframes on an armature, or None for a new one; `only` some bones may get keyframes."""
+    """Return the placement of keyframes on an armature; None stands for a new one.
+
+    Args:
+        only: Names of the bones that may get keyframes; None for all.
+    """
     chosen = context.scene.perfanim_result
     onto = PlacementMode[chosen.onto]
     bounds = KeyBounds(chosen.reduce_deg, chosen.reduce_mm) if chosen.reduce else None

@@ -26,12 +26,12 @@ CONTROLS = {
 
 
 class PERFANIM_PG_sketch(bpy.types.PropertyGroup):
-    """Settings of the Sketch Motion panel, and the sketch's controls and action."""
+    """Settings of the Sketch Motion panel, and the controls and action of the sketch."""
 
     attached_to = (bpy.types.Object, "perfanim_sketch")
     parts: choice(
         "Controls",
-        "Controls to add, Shift-click for several. What has no control is free",
+        "Controls to add, Shift-click for several. Joints without a control are free",
         tuple((key, key.title(), f"Add controls: {key.lower()}", 1 << bit) for bit, key in enumerate(CONTROLS)),
         default={"FEET", "HIPS"},
         options={"ENUM_FLAG"},
@@ -44,11 +44,11 @@ class PERFANIM_PG_sketch(bpy.types.PropertyGroup):
         1.0,
         subtype="FACTOR",
     )
-    behaviours: string("Behaviours", "Clips to draw from, separated by commas, by their beginnings; empty for all")
+    behaviours: string("Behaviours", "Beginnings of the behaviours to draw from, separated by commas; empty for all")
     variation: whole_number("Variation", "0 for the best explanation, 1 for the next best, and so on", 0, 0, 20)
     hold_feet: switch("Hold Feet", "Keep standing feet in place", default=True)
     free_height: switch(
-        "Free Height", "Keys and path of the hips bind as seen from above; the database has their height"
+        "Free Height", "Keys and path of the hips bind only as seen from above; the height comes from the database"
     )
     controls: pointer("Collection", "Collection of the sketch's controls", bpy.types.Collection)
     action: pointer("Result", "Action with the solved motion", bpy.types.Action)
@@ -61,7 +61,7 @@ class PERFANIM_PG_sketch(bpy.types.PropertyGroup):
 
     @property
     def chosen_behaviours(self) -> list[str]:
-        """First words of the chosen behaviours; empty for all."""
+        """Beginnings of the names of the chosen behaviours; empty for all."""
         return [name.strip() for name in self.behaviours.split(",") if name.strip()]
 
     def solver_settings(self) -> SketchSettings:

@@ -12,7 +12,7 @@ from ..animation.quaternion_curves import quaternions_of, rotation_channel
 from ..blender_versions import action_curves, by_channel
 from .controls import EDITING, only_constraint
 
-_OWN = "pose.bones["  # beginning of the names of a bone's channels; other channels move the whole rig
+_OWN = "pose.bones["  # beginning of the data paths of bones; other channels move the whole rig
 
 
 def followed_bone(control: bpy.types.Object) -> tuple[bpy.types.Object, bpy.types.PoseBone] | None:
@@ -25,7 +25,7 @@ def followed_bone(control: bpy.types.Object) -> tuple[bpy.types.Object, bpy.type
 def curves_that_move(rig: bpy.types.Object, bone: bpy.types.PoseBone) -> list[bpy.types.FCurve]:
     """Return the curves of a rig's action that move a bone: its own, those of its ancestors, and the rig's.
 
-    If none moves it, all curves are returned: the bone stands still while the rig moves.
+    If no curve moves the bone, all curves are returned, so that it counts as held in the frames of the rig's keys.
     """
     curves = action_curves(rig)
     paths = tuple(f"{each.path_from_id()}." for each in _chain(bone))
@@ -38,8 +38,8 @@ def places_of_bone(
 ) -> Mapping[int, Array] | None:
     """Return frame -> location in the scene of a bone's head, from the keys of its rig.
 
-    None if only the evaluated scene shows it: for a rig with strips, drivers, a parent, constraints or keys
-    of its own, and for bones with constraints or partial inheritance in their chain.
+    None if only the evaluated scene shows it: for a rig with NLA strips, drivers, a parent, constraints or object
+    keys, and for bones with constraints or partial inheritance in their chain.
     """
     animation, curves = rig.animation_data, action_curves(rig)
     if animation is None or len(animation.drivers) or (animation.use_nla and len(animation.nla_tracks)):
@@ -59,14 +59,14 @@ def places_of_bone(
 
 
 def place_off_curves(rig: bpy.types.Object, bone: bpy.types.PoseBone, frame: int) -> Array | None:
-    """Return the location of a bone in the current frame if it is off its curves, else None."""
+    """Return the scene location of a bone that has been dragged off its curves in the current frame, else None."""
     shown = np.array(bone.head, dtype=np.float64)
     off = np.max(np.abs(_heads(bone, action_curves(rig), [frame])[0] - shown))
     return _in_scene(rig, shown) if off > EDITING.off_curve else None
 
 
 def _in_scene(rig: bpy.types.Object, points: Array) -> Array:
-    """Transform points (..., 3) from a rig's space to the scene."""
+    """Transform points (..., 3) from armature space to the scene."""
     world = np.array(rig.matrix_world, dtype=np.float64)
     return np.asarray(points @ world[:3, :3].T + world[:3, 3])
 
@@ -77,7 +77,7 @@ def _chain(bone: bpy.types.PoseBone) -> list[bpy.types.PoseBone]:
 
 
 def _heads(bone: bpy.types.PoseBone, curves: Iterable[bpy.types.FCurve], frames: Sequence[int]) -> Array:
-    """Return the heads (F, 3) of a bone in its rig's space, from curves."""
+    """Return the heads (F, 3) of a bone in armature space, evaluated from F-curves."""
     channels = by_channel(curves)
     poses, above = np.repeat(np.eye(4)[None], len(frames), axis=0), Matrix()
     for link in _chain(bone):

@@ -35,7 +35,7 @@ class SketchEditing:
     farthest_m: float = 1000.0  # largest distance of a key from the character's origin
     walk_speed: float = 0.8  # scene units per second along a path if no key determines its duration: a calm walk
     flat: float = 0.05  # largest height of a path that counts as lying on the floor, in the character's metres
-    listed: int = 3  # number of unmet keys or clips in the panel's message
+    listed: int = 3  # largest number of unmet keys or clips in the panel's message
     tick_s: float = 0.015  # time between two checks for edits while live
     slice_s: float = 0.004  # time per check spent on filling curves
 
@@ -99,15 +99,15 @@ def _add_empty(
 def key_controls(context: bpy.types.Context, armature_object: bpy.types.Object) -> int:
     """Key the controls where the character's rough action has keys; return the number of frames.
 
-    Earlier keys are removed. The rough action is the active one, or the one read before if the active one is a solved
-    sketch; SettingsError without one.
+    Earlier keys are removed. The rough action is the active one; if that is a solved sketch, the rough action read
+    last. SettingsError if there is none.
     """
     chosen, animation = armature_object.perfanim_sketch, armature_object.animation_data
     playing = animation.action if animation is not None else None
     if playing is not None and STORED not in playing:
         chosen.rough = playing
     elif playing is not None and chosen.rough is None:
-        advice = "choose the rough action in the Action editor"
+        advice = "choose the rough action in the Action Editor"
         raise SettingsError("was solved from a sketch", where=playing.name, advice=advice)
     if chosen.rough is None or chosen.rough == playing:
         return _key_where_keyed(context, armature_object)
@@ -129,7 +129,7 @@ def _key_where_keyed(context: bpy.types.Context, armature_object: bpy.types.Obje
     controls, bones = controls_of(armature_object), bones_of(armature_object)
     for control in controls.values():
         set_free(control)
-    armature_object.perfanim_sketch.free_height = False  # it was set for a followed path
+    armature_object.perfanim_sketch.free_height = False  # a followed path may have set it
     with present_frame(context.scene):
         for frame in frames:
             context.scene.frame_set(frame)
@@ -172,7 +172,7 @@ def _breakdowns(control: Control, places: Array, space: CaptureSpace) -> Iterabl
 
 
 def only_constraint(control: bpy.types.Object, kind: str) -> Any:
-    """Return a control's constraint if it is of a given kind, at full influence, and nothing else moves the control."""
+    """Return a control's constraint if it has the given type and full influence, and nothing else moves the control."""
     held = control.constraints[0] if len(control.constraints) == 1 and control.parent is None else None
     is_full = held is not None and held.type == kind and not held.mute and held.influence >= 1.0
     return held if is_full and held.target is not None else None

@@ -12,11 +12,11 @@ from .controls import STORED, collection_of, controls_of, set_free
 def rough_copy(context: bpy.types.Context, armature_object: bpy.types.Object) -> bpy.types.Object:
     """Add and select a wire copy of a character with its rough action; SettingsError if there is no such action."""
     if not action_curves(armature_object):
-        advice = "animate it roughly first, or select a rig that is animated"
+        advice = "animate it roughly first, or select an animated rig"
         raise SettingsError("has no action with keys", where=armature_object.name, advice=advice)
     action = armature_object.animation_data.action
     if STORED in action:
-        advice = "choose the rough action in the Action editor, or select a rig that is animated roughly"
+        advice = "choose the rough action in the Action Editor, or select a roughly animated rig"
         raise SettingsError("was solved from a sketch", where=action.name, advice=advice)
     rig = armature_object.copy()
     rig.name = f"Rough {armature_object.name}"
@@ -29,9 +29,10 @@ def rough_copy(context: bpy.types.Context, armature_object: bpy.types.Object) ->
 
 
 def follow(armature_object: bpy.types.Object, rig: bpy.types.Object) -> int:
-    """Make controls follow the same joints' bones of a rig; return their number; CharacterError if a bone is missing.
+    """Make controls follow the bones of the same joints in a rig; return the number of controls.
 
-    Their own keys are removed. Keys of the rig are binding; Live solves again when one moves.
+    The controls' own keys are removed. Keys of the rig are binding; Live solves again when one moves. CharacterError if
+    a bone is missing.
     """
     bones, controls = bones_of(rig), controls_of(armature_object)
     missing = [each.name for joint, each in controls.items() if joint not in bones]
@@ -41,5 +42,5 @@ def follow(armature_object: bpy.types.Object, rig: bpy.types.Object) -> int:
         set_free(control)
         held = control.constraints.new("COPY_LOCATION")
         held.target, held.subtarget = rig, bones[joint]
-    armature_object.perfanim_sketch.free_height = False  # it was set for a followed path
+    armature_object.perfanim_sketch.free_height = False  # a followed path may have set it
     return len(controls)

@@ -34,9 +34,9 @@ def follow(
 ) -> tuple[int, int]:
     """Make a control follow a curve at constant speed; return the first and last frame.
 
-    It keeps its height above the curve's origin; hips on a flat curve at the character's origin are free in height. It
-    uses the time span of the other controls' keys; without keys it moves at walking speed from the current frame on.
-    Its own keys are removed.
+    The control keeps its height above the curve's origin; hips on a flat curve at the height of the character's origin
+    are free in height. The motion takes the time span of the other controls' keys; without keys it runs at walking
+    speed from the current frame on. The control's own keys are removed.
 
     Raises:
         SettingsError: The curve has no length.

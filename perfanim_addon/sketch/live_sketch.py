@@ -34,7 +34,7 @@ KEY = "sketch"  # panel that shows the messages
 class LiveSketch:
     """One character's sketch, solved in its own worker after each edit.
 
-    It only holds names, because undo replaces Blender's data. PerfanimError if the character cannot be driven or no
+    It holds only names, because undo replaces Blender's data. PerfanimError if the character cannot be driven or no
     control has a key.
     """
 
@@ -50,14 +50,14 @@ class LiveSketch:
         self._sent: dict[str, Any] = {}
         self._sketches: dict[int, Sketch] = {}
         self._filling: Iterator[None] | None = None
-        self._filled = "", 0  # name and address of the action
-        self._kept = ""  # part of the message about an action that is left unchanged
+        self._filled = "", 0  # name and address of the action that is filled
+        self._kept = ""  # part of the message, about an action that is left unchanged
         fields = self._next_fields(context, *self._read(context))
         request = SketchRequest(live=True, skeleton=self.body.skeleton, database=database, **fields)
         self._client = WorkerClient(request, python)
 
     def _read(self, context: bpy.types.Context) -> tuple[Sketch, dict[str, Any]]:
-        """Return the sketch, and its part of the request with the settings."""
+        """Return the sketch, and the part of the request that holds it and the settings."""
         found = find_armature(self.armature)
         sketch = read_controls(context, found, self.body.space, dragged=True, seen=self._seen)
         chosen = found.perfanim_sketch.solver_settings()
@@ -122,7 +122,7 @@ class LiveSketch:
     def _fill(self) -> None:
         name, pointer = self._filled
         action = bpy.data.actions.get(name)
-        if action is None or action.as_pointer() != pointer:  # it was deleted meanwhile
+        if action is None or action.as_pointer() != pointer:  # the action was deleted meanwhile
             self._filling = None
         limit_s = time.perf_counter() + EDITING.slice_s
         while self._filling is not None and time.perf_counter() < limit_s:
@@ -130,7 +130,7 @@ class LiveSketch:
                 self._filling = None
 
     def finish(self) -> None:
-        """Fill the remaining curves at once."""
+        """Fill all remaining curves now."""
         while self._filling is not None:
             self._fill()
 
@@ -191,7 +191,7 @@ def _note(_scene: bpy.types.Scene, graph: bpy.types.Depsgraph) -> None:
     if found is None:
         live.noted = True
         return
-    names = {live.armature}  # its settings
+    names = {live.armature}  # an edit of the sketch's settings updates the armature
     for control in controls_of(found).values():
         targets = [getattr(each, "target", None) for each in control.constraints]
         for each in (control, *(target for target in targets if target is not None)):

@@ -32,7 +32,7 @@ def read_blend(path: Path) -> dict[str, Any]:
     open_file(path)
     found = [obj for obj in bpy.context.scene.objects if obj.type == "ARMATURE" and controls_of(obj)]
     if len(found) != 1:
-        advice = "keep the controls of one" if found else "click Add Controls in it, and key them"
+        advice = "keep the controls of one character" if found else "add controls to its character, and key them"
         names = f"sketches of {', '.join(each.name for each in found)}" if found else "no sketch"
         raise SettingsError(f"has {names}", where=str(path), advice=advice)
     body = SketchBody.of(found[0])

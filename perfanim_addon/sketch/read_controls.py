@@ -29,8 +29,8 @@ def read_controls(
 ) -> Sketch:
     """Return the sketch of a character's keyed controls, with the scene's frames.
 
-    Keys are binding; breakdown keys only if they are first or last. Between keys a control follows Blender's curve, or,
-    with a path, a parent or a bone, its motion in the scene.
+    Keys are binding; breakdown keys only if they are the first or the last. Between keys a control follows its
+    F-curves, or its motion in the scene if it has a path, a parent or a bone to follow.
 
     Args:
         dragged: Give a control that is off its curves a key in the current frame. The scene's frame is not changed, so
@@ -62,12 +62,12 @@ def read_controls(
         raise SettingsError("no control has a key", where=armature_object.name, advice=advice)
     sketch = Sketch(armature_object.name, scene_fps(scene), tuple(found))
     if not LEAST_FPS <= sketch.fps <= MOST_FPS:
-        advice = f"set {LEAST_FPS:g} to {MOST_FPS:g} in the Output properties"
-        raise SettingsError(f"the scene has {sketch.fps:g} frames a second", advice=advice)
+        advice = f"set a frame rate of {LEAST_FPS:g} to {MOST_FPS:g} in the Output properties"
+        raise SettingsError(f"the scene has {sketch.fps:g} frames per second", advice=advice)
     first, last = min(each.frames[0] for each in found), max(each.frames[-1] for each in found)
     if last - first >= LIMITS.most_frames:
-        message = f"the keys span {last - first:.0f} frames, {LIMITS.most_frames} at most"
-        raise SettingsError(message, advice="move the last")
+        message = f"the keys span {last - first:.0f} frames, but at most {LIMITS.most_frames} are possible"
+        raise SettingsError(message, advice="move the last key closer")
     return sketch
 
 
@@ -89,7 +89,7 @@ def _keys(context: bpy.types.Context, control: bpy.types.Object, dragged: bool) 
         keys[now] = here
     if not keys or _is_too_long(sorted(keys)):
         return keys, None
-    # also for Blender's default curve: it is clamped per axis and so differs in the axes of a turned character
+    # also for Blender's default curve, which is clamped per axis and so differs in the axes of a rotated character
     return keys, places(range(min(keys), max(keys) + 1))
 
 
@@ -108,7 +108,7 @@ def _is_too_long(frames: list[int]) -> bool:
 def _keys_along(
     context: bpy.types.Context, control: bpy.types.Object, curves: list[bpy.types.FCurve], dragged: bool
 ) -> Keys | None:
-    """Return the same as `_keys` for a control with a parent or constraints: keys of any channel."""
+    """Return what `_keys` does, for a control with a parent or constraints: keys of any channel count."""
     followed = followed_bone(control)
     frames = _binding(curves if followed is None else curves_that_move(*followed))
     if not frames:

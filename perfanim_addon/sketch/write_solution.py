@@ -9,7 +9,7 @@ import numpy as np
 
 from ...core.body.skeleton import Skeleton
 from ...core.body.standard_skeleton import JOINT_NAMES
-from ...core.errors import CharacterError, SettingsError
+from ...core.errors import CharacterError, SettingsError, counted
 from ...core.sketch.sketch_file import Sketch
 from ...core.sketch.sketch_messages import SolvedSketch, settings_from, sketch_from
 from ...core.sketch.solve_sketch import SketchSettings
@@ -79,7 +79,7 @@ def write_solution(
     armature_object.perfanim_sketch.action = action
     if settings(context).extend_scene:
         context.scene.frame_end = max(context.scene.frame_end, int(np.ceil(sketch.frames[-1])))
-    return f"{len(sketch.frames)} frames in {name}; {outcome_text(solved)}"
+    return f"{counted(len(sketch.frames), 'frame')} in {name}; {outcome_text(solved)}"
 
 
 def keep_sketch(action: bpy.types.Action, sketch: Sketch, chosen: SketchSettings) -> None:
@@ -90,7 +90,7 @@ def keep_sketch(action: bpy.types.Action, sketch: Sketch, chosen: SketchSettings
 def kept_sketch(action: bpy.types.Action | None) -> tuple[Sketch, SketchSettings]:
     """Return the sketch and settings of an action; CharacterError if it has none, SettingsError if they are damaged."""
     if action is None or STORED not in action:
-        advice = "choose an action that Solve Sketch has made, in the Action editor"
+        advice = "in the Action Editor, choose an action made by Solve Sketch"
         raise CharacterError("the character's action has no sketch", advice=advice)
     with reading(action.name, SettingsError, "add the controls again", "the sketch of the action is damaged"):
         table = json.loads(action[STORED])
@@ -98,7 +98,7 @@ def kept_sketch(action: bpy.types.Action | None) -> tuple[Sketch, SketchSettings
 
 
 def outcome_text(solved: SolvedSketch) -> str:
-    """Return the unmet keys in plain words, or else the clips from which the motion is drawn."""
+    """Return a sentence that lists the unmet keys, or else the clips that the motion is drawn from."""
     count, listed = len(solved.unmet), EDITING.listed
     if not count:
         drawn = list(dict.fromkeys(solved.drawn_from))

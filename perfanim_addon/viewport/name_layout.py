@@ -13,9 +13,9 @@ Box = tuple[float, float, float, float]  # left, bottom, right, top
 class Lettering:
     """Heights relative to the text size, measured with Blender's font."""
 
-    above: float = 0.95  # extent of letters above their baseline
-    below: float = 0.25  # extent of letters below it
-    middle: float = 0.35  # middle of letters above it
+    above: float = 0.95  # highest point of letters above the baseline
+    below: float = 0.25  # lowest point of letters below the baseline
+    middle: float = 0.35  # middle of letters above the baseline
     line: float = 1.25  # distance between two lines
 
 
@@ -29,11 +29,11 @@ class PlacedName:
     start: tuple[float, float]  # left end of the letters' baseline
     box: Box  # covered area
     near: tuple[float, float]  # middle of the side that faces the named point
-    is_away: bool  # whether the name is not right next to its point, so that a line between them is needed
+    is_away: bool  # whether the name is so far from its point that it needs a leader line
 
 
 def place_names(points: Array, widths: Sequence[float], size: float, beside: float, dot: float) -> list[PlacedName]:
-    """Return the first free position of each name next to or near its point; earlier names come first.
+    """Return a position for each name, the first free one near its point; earlier names choose first.
 
     Args:
         points: Named points (N, 2).

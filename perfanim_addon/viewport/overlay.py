@@ -47,7 +47,7 @@ class Scene:
         placed: Callable[[Array], Array],
         simulated: bool = False,
     ) -> "Scene":
-        """Return the overlay scene of a capture; without a calibration, with the simulated cameras."""
+        """Return the overlay scene of a capture; without a calibration it has the simulated cameras."""
         rig = calibration or default_rig()
         cameras_m = np.array([camera.centre_m for camera in rig.cameras])
         bodies = tuple((subject.skeleton, subject.marker_set.names) for subject in performers)

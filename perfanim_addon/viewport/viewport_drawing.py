@@ -40,7 +40,7 @@ class DrawHandler:
 
     @property
     def added(self) -> bool:
-        """Whether it is added."""
+        """Whether the function is added."""
         return self._handle is not None
 
     def add(self) -> None:
@@ -66,7 +66,7 @@ def redraw(*kinds: str) -> None:
 
 
 def free(area: bpy.types.Area, region: bpy.types.Region) -> tuple[float, float]:
-    """Return left and right of the part of a region without toolbar and sidebar, pixels."""
+    """Return the left and right edge (pixels) of the part of a region that toolbar and sidebar leave free."""
     left, right = 0.0, float(region.width)
     for other in area.regions:
         if other.type == "TOOLS":

@@ -177,7 +177,7 @@ def test_a_take_is_put_on_the_character(part: Any, chosen: Any, takes: Any) -> N
     bpy.context.scene.frame_current = 11
     text = part("operators.put_on_character").put_on_character(bpy.context, path)
     armature = chosen.armature
-    assert text == f"20 frames in walk on {armature.name}; 10 more frames have no pose: use Solve Again"
+    assert text == f"20 frames in walk on {armature.name}; 10 more frames without a pose: use Solve Again"
     np.testing.assert_allclose(key_times(curves_of(armature)), np.arange(11, 31), atol=1e-3)
     with pytest.raises(Exception, match="has no solved poses"):
         part("operators.put_on_character").put_on_character(bpy.context, write_take(path.parent, "none", poses=0))

@@ -133,7 +133,7 @@ class CaptureLoop:
 
     def _draw_labels(self, pictures: Image) -> Image:
         """Draw the names of the last solved markers in the cameras' pictures."""
-        from ...vision.blob_preview import draw_labels  # this process does not need OpenCV otherwise
+        from ...vision.blob_preview import draw_labels  # loaded late: nothing else in this process needs OpenCV
 
         rig, pose = self._session.rig, self._pose
         if rig is None or pose is None or pose.confidence == 0.0:
@@ -155,7 +155,7 @@ class CaptureLoop:
             self._output.put(solved, None)
         if calm is not None:
             self._keep(calm)
-        if not self._output.is_ready:  # the filter still waits for later poses, so no ACK from Blender follows
+        if not self._output.is_ready:  # the filter still waits for later poses: no pose is sent for this frame
             self._client.acknowledge(self._solved)
 
     def _end(self) -> None:

@@ -29,7 +29,7 @@ class FrameRecorder:
         self._channel = channel
         self._is_repeatable = is_repeatable
         self._offset = FrameOffset()
-        self._restart: tuple[RestartPoint, str] | None = None  # until the first frame after it
+        self._restart: tuple[RestartPoint, str] | None = None  # a restart whose first frame is still awaited
 
     def expect_restart(self, point: RestartPoint, cause: str) -> None:
         """Treat the next frame as the first of a new process; `cause` says in plain words why there is one."""
@@ -79,7 +79,7 @@ class CameraReport:
 
 
 class PoseOutput:
-    """Filters poses and sends them by VMC, and to Blender as fast as it accepts them.
+    """Filters poses and sends them over VMC, and to Blender as fast as it accepts them.
 
     Args:
         poses_ahead: Number of poses that may wait for Blender's acknowledgement; None for any number.
@@ -105,7 +105,7 @@ class PoseOutput:
         return self._ready is not None
 
     def put(self, solved: TimedPose, record: bytes | None) -> None:
-        """Filter a pose, send it by VMC, and keep it for Blender.
+        """Filter a pose, send it over VMC, and keep it for Blender.
 
         `record` is the pose as packed for the take; None if it was not written to a take.
         """

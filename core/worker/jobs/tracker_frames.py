@@ -1,4 +1,4 @@
-"""Job: turn another program's trackers, received by VMC, into marker frames."""
+"""Job: turn another program's trackers, received over VMC, into marker frames."""
 
 import math
 import time

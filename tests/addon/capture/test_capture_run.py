@@ -223,7 +223,7 @@ def test_how_busy_a_computer_is_does_not_change_with_every_reading() -> None:
         worker.say(encode_json(MessageKind.STATUS, {"stalled_s": 0.0, "slowness": slowness}))
         run.tick()
         notices.add(run.notice)
-    assert notices == {"this computer is busy: work takes 5 times as long as otherwise; close other programs"}
+    assert notices == {"this computer is busy: work takes 5 times as long as usual; close other programs"}
 
 
 def test_a_busy_computer_is_told_and_stop_has_more_time() -> None:
@@ -231,7 +231,7 @@ def test_a_busy_computer_is_told_and_stop_has_more_time() -> None:
     worker.say(*poses([0]), encode_json(MessageKind.STATUS, {"stalled_s": 0.0, "slowness": 5.2}))
     run.tick()
     clock.now += 3.0
-    assert run.notice == "this computer is busy: work takes 5 times as long as otherwise; close other programs"
+    assert run.notice == "this computer is busy: work takes 5 times as long as usual; close other programs"
     run.stop()
     clock.now += 3.0 * TUNING.stop_limit_s
     run.tick()

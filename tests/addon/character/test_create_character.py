@@ -219,7 +219,7 @@ def test_a_character_without_legs_is_refused(name, driver):
 
 
 def test_a_lost_or_wrong_object_is_a_clear_error(name, driver):
-    with pytest.raises(CharacterError, match="is a mesh, not an armature"):
+    with pytest.raises(CharacterError, match="is of type mesh, not an armature"):
         ArmatureDriver(f"{name} body", SKELETON)
     bpy.data.objects.remove(bpy.data.objects[name])
     with pytest.raises(CharacterError, match="there is no object 'Performer'"):

@@ -49,10 +49,10 @@ def stood(hero: bpy.types.Object, own: tuple, above: tuple) -> None:
 @pytest.mark.parametrize(
     ("own", "above", "said"),
     [
-        ((1.0, 1.0, 2.0), (1.0, 1.0, 1.0), "stretches it, 2 times longer"),
-        ((1.0, 1.0, 1.0), (3.0, 1.0, 1.0), "stretches it, 3 times longer"),
-        ((-1.0, 1.0, 1.0), (1.0, 1.0, 1.0), "mirrored"),
-        ((2.0, 2.0, 2.0), (-1.0, -1.0, -1.0), "mirrored"),
+        ((1.0, 1.0, 2.0), (1.0, 1.0, 1.0), "non-uniform scale, 2 times larger"),
+        ((1.0, 1.0, 1.0), (3.0, 1.0, 1.0), "non-uniform scale, 3 times larger"),
+        ((-1.0, 1.0, 1.0), (1.0, 1.0, 1.0), "a negative scale mirrors it"),
+        ((2.0, 2.0, 2.0), (-1.0, -1.0, -1.0), "a negative scale mirrors it"),
     ],
 )
 def test_a_character_that_the_scene_shows_distorted_is_refused_with_what_to_do(

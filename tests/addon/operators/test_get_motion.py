@@ -79,7 +79,7 @@ def test_without_online_access_nothing_is_asked_for(part: Any, monkeypatch: Any,
     module = part("operators.database_operators")
     monkeypatch.setattr(module, "is_online_allowed", lambda: False)
     operator, dialog = asked(part, **chosen)
-    with pytest.raises(module.DownloadError, match="online access is off; allow it in the Preferences"):
+    with pytest.raises(module.DownloadError, match="online access is off; enable Allow Online Access in Preferences"):
         operator.arguments(dialog, bpy.context)
     monkeypatch.setattr(module, "is_online_allowed", lambda: True)
     assert operator.arguments(dialog, bpy.context)[:2] == ["database", "get"]

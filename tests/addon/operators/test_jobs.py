@@ -38,7 +38,7 @@ def test_motion_is_imported_and_used(part: Any, tmp_path: Path) -> None:
     text = run_job(part, operator, played)
     chosen = bpy.context.scene.perfanim
     frames = part("settings.readiness").database_frames(chosen.database)
-    assert text == f"{frames} frames imported, 1 files skipped"
+    assert text == f"{frames} frames imported, 1 file skipped"
     assert 170 <= frames <= 190
     assert part("settings.readiness").motion(chosen).text == f"{frames} frames"
     played.mirror = played.cull = True
@@ -151,7 +151,7 @@ def test_what_is_found_by_watching_is_used(part: Any, tmp_path: Path) -> None:
     measured = {"verdict": "good", "stereo_rms_px": 0.2, "advice": [], "used": 12}
     simulated = "chessboard:9x6:80mm"
     text = end(cameras.PERFANIM_OT_calibrate_board, simulated, **found, **measured, pictures=pictures, coverage=covered)
-    assert text.startswith("good: 0.") and text.endswith("12 views, covered 80 %, 75 %")
+    assert text.startswith("good: 0.") and text.endswith("12 views, coverage 80 %, 75 %")
     assert [chosen.board_left, chosen.board_right] == pictures
     assert "calibrate the performer" in states.first_missing_step(chosen)
     performer = subject.PERFANIM_OT_calibrate_performer
@@ -164,10 +164,10 @@ def test_what_is_found_by_watching_is_used(part: Any, tmp_path: Path) -> None:
     labels = [label for _, label, _ in subject._profiles(bpy.context)]
     assert labels == [f"Zoë-2: {states.performer(chosen).text}"]  # the file's name before the performer's
     text = end(cameras.PERFANIM_OT_set_floor, simulated, **found, scale=1.05)
-    assert text.startswith("floor set at the board, origin at its middle; the board looks 5 % too large")
+    assert text.startswith("floor set at the board, origin at its centre; the board looks 5 % too large")
     assert Path(chosen.calibration).name == "cameras-on-floor.toml"
     text = end(cameras.PERFANIM_OT_set_floor_markers, **found, scale=1.0, markers=4)
-    assert text.startswith("floor set at the 4 markers, origin at their middle")
+    assert text.startswith("floor set at the 4 markers, origin at their centre")
 
 
 @pytest.mark.long
@@ -181,7 +181,7 @@ def test_a_newcomer_calibrates_everything_in_the_sidebar(part: Any, monkeypatch:
     cameras, subject = part("operators.camera_operators"), part("operators.subject_operators")
     text = run_job(part, cameras.PERFANIM_OT_calibrate_board, SimpleNamespace())
     assert text.startswith("good: 0.")
-    assert "covered" in text
+    assert "coverage" in text
     assert len(list(Path(chosen.board_left).glob("*.png"))) == len(list(Path(chosen.board_right).glob("*.png"))) >= 10
     assert "calibrate the performer" in states.first_missing_step(chosen)
     assert not bpy.ops.perfanim.use_profile.poll()
@@ -206,7 +206,7 @@ def test_a_newcomer_calibrates_everything_in_the_sidebar(part: Any, monkeypatch:
     assert part("capture.capture_request").cameras(chosen).rig.cameras[1].name == found.cameras[1].name
 
     text = run_job(part, cameras.PERFANIM_OT_set_floor, SimpleNamespace())
-    assert text == "floor set at the board, origin at its middle"
+    assert text == "floor set at the board, origin at its centre"
     found = load_rig(chosen.calibration)
     _, before_m = board_on_floor()
     # corners known to 0.1 px are 1 mm off in depth; over 54 of them on 0.64 m x 0.4 m the floor tilts by 1 mrad,
@@ -215,7 +215,7 @@ def test_a_newcomer_calibrates_everything_in_the_sidebar(part: Any, monkeypatch:
         assert camera.centre_m == pytest.approx(other.centre_m - [0.0, 0.0, before_m], abs=0.015)
 
     text = run_job(part, cameras.PERFANIM_OT_set_floor_markers, SimpleNamespace())
-    assert text == "floor set at the 4 markers, origin at their middle"
+    assert text == "floor set at the 4 markers, origin at their centre"
     # centres known to 0.05 px are 1 mm off in depth; over four on 1 m x 0.6 m that is 6 mm at the cameras; times five
     for camera, other in zip(load_rig(chosen.calibration).cameras, true.cameras, strict=True):
         assert camera.centre_m[1] == pytest.approx(other.centre_m[1], abs=0.03)

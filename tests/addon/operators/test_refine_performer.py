@@ -20,7 +20,7 @@ from perfanim.core.markers.subject import Subject, load_subject, save_subject
 from ticking import repeat
 from wrong_performer import record_walk_of_a_wrong_performer
 
-REFINED = "Anna, refined by this take:"
+REFINED = "Anna, refined with this take:"
 
 
 @pytest.fixture(scope="module")
@@ -209,9 +209,9 @@ def test_a_long_capture_offers_the_refinement_in_the_capture_panel(
     assert live.refining_take(SimpleNamespace(run=None), chosen) == ""
     assert captured(20.0) == take
     takes, panel = part("panels.takes_panel"), part("panels.capture_panel").PERFANIM_PT_capture
-    assert "Refine Performer by This Capture" not in labels(panel, takes.draw_offer)
+    assert "Refine Performer with This Capture" not in labels(panel, takes.draw_offer)
     offer.capture = captured(20.0)
-    assert "Refine Performer by This Capture" in labels(panel, takes.draw_offer)
+    assert "Refine Performer with This Capture" in labels(panel, takes.draw_offer)
     offered("arms 4 % longer (± 1 %)", "lower legs 14 % longer (± 10 %)", "marker right shoulder 12 mm (± 10 mm)")
     drawn = labels(panel, takes.draw_offer)
     assert {"Use", "Keep", REFINED, "Arms 4\u00a0% longer (±\u00a01\u00a0%)"} <= set(drawn)
@@ -261,7 +261,7 @@ def test_a_wrong_body_is_refined_while_the_capture_goes_on(
     monkeypatch.setattr(takes.activity, "current", lambda: object.__new__(part("capture.live_capture").LiveCapture))
     while_capturing = labels(panel, takes.draw_offer)
     assert REFINED in while_capturing
-    assert not {"Use", "Keep", "Refine Performer by This Capture"} & set(while_capturing)
+    assert not {"Use", "Keep", "Refine Performer with This Capture"} & set(while_capturing)
 
 
 def test_a_capture_that_refines_nothing_goes_on(part: Any, walk: SimpleNamespace, take: str, tmp_path: Path) -> None:

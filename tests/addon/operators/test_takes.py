@@ -216,7 +216,7 @@ def test_clean_up_removes_what_is_deleted_or_old_and_nothing_else(
     deleted = next(iter(takes.deleted())).path.stat().st_size
     assert takes.disk_space()[1] == deleted + 500
     assert bpy.ops.perfanim.clean_up_takes(deleted=True, old=False) == {"FINISHED"}
-    assert message("takes") == f"2 files removed, {takes.size_text(deleted + 500)} free"
+    assert message("takes") == f"2 files removed, {takes.size_text(deleted + 500)} freed"
     assert {item.title for item in listed_takes()} == {"new", "old", "old but good"}
     assert takes.disk_space()[1] == 0
     assert bpy.ops.perfanim.clean_up_takes(deleted=False, old=True, days=90, stars=0) == {"FINISHED"}

@@ -53,7 +53,7 @@ def test_a_relative_folder_makes_none_where_blender_was_started(
     monkeypatch.chdir(tmp_path)
     preferences.takes_folder = "Takes"
     assert place.user_folder("takes") == own
-    assert "Takes cannot be used (give its whole path)" in place.folder_problem("takes")
+    assert "Takes cannot be used (it is not an absolute path)" in place.folder_problem("takes")
     assert list(tmp_path.iterdir()) == []
 
 

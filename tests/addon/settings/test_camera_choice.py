@@ -83,8 +83,8 @@ def test_a_network_camera_is_asked_for_by_its_address(part: Any, choice: Any, ch
         ("", "enter the address"),
         ("192.168.1.20", "not the address of a camera"),
         ("http://192.168.1.20/walk.mp4", "not the address of a camera"),
-        ("rtsp://[192.168.1.20/stream", "names no camera"),
-        ("rtsp:///stream", "names no camera"),
+        ("rtsp://[192.168.1.20/stream", "has no host name"),
+        ("rtsp:///stream", "has no host name"),
     ],
 )
 def test_an_address_that_is_none_is_refused_before_a_capture(

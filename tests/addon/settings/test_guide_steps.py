@@ -108,7 +108,7 @@ def test_each_sentence_is_about_its_button(guide: Any, chosen: Any) -> None:
             "stand in front of",
             "Hold the board",
             "Lay the board",
-            "Put the markers",
+            "Put on the markers",
             "Leave the view",
             "Walk about",
         ),
@@ -118,7 +118,7 @@ def test_each_sentence_is_about_its_button(guide: Any, chosen: Any) -> None:
             "Skip this step",
             "that was worn",
             "the three poses",
-            "after the end",
+            "at the end",
         ),
         "VMC": ("", "Choose the folders", "", "", "Type your height", "Walk about"),
     }
