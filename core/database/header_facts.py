@@ -3,6 +3,7 @@
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
+from functools import lru_cache
 from pathlib import Path
 from typing import Annotated
 
@@ -81,6 +82,7 @@ class Header:
 FACTS = Schema(Header, "Header of a database", "JSON at the beginning of the file.", DatabaseError, REBUILD)
 
 
+@lru_cache(maxsize=1)  # every solver checks the database again
 def read_header(path: Path, header: bytes) -> Header:
     """Return the contents of a header.
 
