@@ -226,18 +226,22 @@ def _rough_placements(shape_m: Array, usual_m: Array) -> list[tuple[float, Array
     """
     found = []
     angles = 2.0 * np.pi * np.arange(_S.headings) / _S.headings
-    for axis in TURNS.values():
-        for cosine, sine in zip(np.cos(angles), np.sin(angles), strict=True):
-            turn = np.array([[cosine, 0.0, sine], [0.0, 1.0, 0.0], [-sine, 0.0, cosine]]) @ axis
-            turned_m = shape_m @ turn.T
-            shift_m = np.median(usual_m, axis=0) - np.median(turned_m, axis=0)
-            ends = (usual_m[:, 1].min() - turned_m[:, 1].min(), usual_m[:, 1].max() - turned_m[:, 1].max())
-            for height_m in (shift_m[1], *ends):
-                shift_m = np.array([shift_m[0], height_m, shift_m[2]])
-                apart2 = _squares(turned_m + shift_m, usual_m)
-                cost = np.minimum(apart2.min(axis=1), _S.placed_m**2).sum()
-                cost += 0.5 * np.minimum(apart2.min(axis=0), _S.capped_m**2).sum()
-                found.append((float(cost), usual_m, Similarity(turn, shift_m, 1.0)))
+    headings = np.zeros((_S.headings, 3, 3))
+    headings[:, 0, 0] = headings[:, 2, 2] = np.cos(angles)
+    headings[:, 0, 2], headings[:, 1, 1], headings[:, 2, 0] = np.sin(angles), 1.0, -np.sin(angles)
+    for axis in TURNS.values():  # more placements at once would exceed the processor's cache
+        turns = headings @ axis
+        turned_m = shape_m @ turns.transpose(0, 2, 1)
+        middles_m = np.median(usual_m, axis=0) - np.median(turned_m, axis=1)
+        shifts_m = np.repeat(middles_m[:, None], 3, axis=1)  # (headings, heights, 3)
+        shifts_m[:, 1, 1] = usual_m[:, 1].min() - turned_m[..., 1].min(axis=1)
+        shifts_m[:, 2, 1] = usual_m[:, 1].max() - turned_m[..., 1].max(axis=1)
+        apart2 = _squares(turned_m[:, None] + shifts_m[:, :, None], usual_m)
+        costs = np.minimum(apart2.min(axis=-1), _S.placed_m**2).sum(axis=-1)
+        costs += 0.5 * np.minimum(apart2.min(axis=-2), _S.capped_m**2).sum(axis=-1)
+        for heading, turn in enumerate(turns):
+            for cost, shift_m in zip(costs[heading].tolist(), shifts_m[heading], strict=True):
+                found.append((cost, usual_m, Similarity(turn, shift_m, 1.0)))
     return found
 
 
