@@ -4,6 +4,7 @@ import os
 import tracemalloc
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -168,6 +169,17 @@ def _with_facts(path: Path, change) -> None:
     path.write_bytes((preamble + header).ljust(start, b"\0") + arrays)
 
 
+def _with_fact(path: Path, place: tuple[Any, ...], value: Any) -> None:
+    """Change one fact of the header, found by the keys of the tables above it."""
+
+    def change(facts: Any) -> None:
+        for key in place[:-1]:
+            facts = facts[key]
+        facts[place[-1]] = value
+
+    _with_facts(path, change)
+
+
 WRONG = [None, "text", 3, -1, 1e400, float("nan"), [], {}, [[]], [None], "9" * 9999, [[[]]], {"a": 1}]
 
 
@@ -181,14 +193,8 @@ def test_facts_of_wrong_type_are_refused(written: Path, value) -> None:
     places += [("arrays", "poses"), ("clips", 0), ("skeletons", 1)]
     harmless = 0
     for place in places:
-
-        def change(facts, place=place) -> None:
-            for key in place[:-1]:
-                facts = facts[key]
-            facts[place[-1]] = value
-
         written.write_bytes(whole)
-        _with_facts(written, change)
+        _with_fact(written, place, value)
         try:
             open_database(written)
             harmless += 1
@@ -266,12 +272,7 @@ def test_a_changed_bit_is_found_before_a_solve(written: Path) -> None:
     ],
 )
 def test_a_fact_out_of_range_is_named(written: Path, place, value, message) -> None:
-    def change(facts) -> None:
-        for key in place[:-1]:
-            facts = facts[key]
-        facts[place[-1]] = value
-
-    _with_facts(written, change)
+    _with_fact(written, place, value)
     with pytest.raises(DatabaseError) as caught:
         open_database(written)
     assert message in str(caught.value) and len(str(caught.value)) <= 300

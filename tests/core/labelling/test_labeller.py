@@ -9,6 +9,7 @@ from perfanim.core.markers.marker_frame import MarkerFrame
 from perfanim.core.markers.marker_set import MarkerSet, load_marker_set
 
 NOISE_M = 0.003
+SQUARE_M = np.array([[0.0, 0.0, 0.0], [0.5, 0.0, 0.0], [0.0, 0.5, 0.0], [0.5, 0.5, 0.0]])
 
 
 def markers_of(marker_set: MarkerSet, height_m: float = 1.75) -> np.ndarray:
@@ -104,66 +105,59 @@ def followed(places_m: list[np.ndarray], elapsed_s: float = 1 / 60) -> np.ndarra
 
 
 def test_only_confirmed_markers_are_confident() -> None:
-    places_m = np.array([[0.0, 0.0, 0.0], [0.5, 0.0, 0.0], [0.0, 0.5, 0.0], [0.5, 0.5, 0.0]])
     labeller = limbs(4)
-    labeller.begin(places_m, np.array([0, 1, 2, -1]))
+    labeller.begin(SQUARE_M, np.array([0, 1, 2, -1]))
     labeller.confirm(np.array([True, False, True, True]))
     np.testing.assert_array_equal(labeller.is_confident, [True, False, True, False])  # the last is not seen
 
 
 def test_unambiguously_tracked_markers_stay_confident() -> None:
-    start = np.array([[0.0, 0.0, 0.0], [0.5, 0.0, 0.0], [0.0, 0.5, 0.0], [0.5, 0.5, 0.0]])
-    steps = [start + np.array([0.02 * frame, 0.0, 0.0]) for frame in range(4)]  # 1.2 m/s
+    steps = [SQUARE_M + np.array([0.02 * frame, 0.0, 0.0]) for frame in range(4)]  # 1.2 m/s
     assert followed(steps).all()
     before = limbs(4)
-    before.begin(start, np.arange(4))
+    before.begin(SQUARE_M, np.arange(4))
     assert not before.is_confident.any()  # nobody has vouched for them
 
 
 def test_markers_that_meet_jump_or_hide_lose_confidence() -> None:
-    start = np.array([[0.0, 0.0, 0.0], [0.5, 0.0, 0.0], [0.0, 0.5, 0.0], [0.5, 0.5, 0.0]])
-    meeting = [start * [share, 1.0, 1.0] for share in (1.0, 0.92, 0.84, 0.76, 0.68)]  # 5 cm nearer in each frame
+    meeting = [SQUARE_M * [share, 1.0, 1.0] for share in (1.0, 0.92, 0.84, 0.76, 0.68)]  # 5 cm nearer in each frame
     assert followed(meeting).all()
-    close = start * [0.1, 1.0, 1.0]  # 5 cm apart
+    close = SQUARE_M * [0.1, 1.0, 1.0]  # 5 cm apart
     assert not followed([close, close]).any()
-    stranger = np.concatenate((start, np.array([[0.05, 0.0, 0.0]])))
-    np.testing.assert_array_equal(followed([start, stranger]), [False, True, True, True])
-    jumped = start.copy()
+    stranger = np.concatenate((SQUARE_M, np.array([[0.05, 0.0, 0.0]])))
+    np.testing.assert_array_equal(followed([SQUARE_M, stranger]), [False, True, True, True])
+    jumped = SQUARE_M.copy()
     jumped[2] += [0.0, 0.07, 0.0]
-    np.testing.assert_array_equal(followed([start, jumped]), [True, True, False, True])
-    hidden = start.copy()
+    np.testing.assert_array_equal(followed([SQUARE_M, jumped]), [True, True, False, True])
+    hidden = SQUARE_M.copy()
     hidden[3] = np.nan
-    np.testing.assert_array_equal(followed([start, hidden, start]), [True, True, True, True])  # a thirtieth of a second
-    np.testing.assert_array_equal(followed([start, *[hidden] * 6, start]), [True, True, True, False])
+    assert followed([SQUARE_M, hidden, SQUARE_M]).all()  # hidden for a thirtieth of a second
+    np.testing.assert_array_equal(followed([SQUARE_M, *[hidden] * 6, SQUARE_M]), [True, True, True, False])
 
 
 def test_cut_clears_the_confidence() -> None:
-    start = np.array([[0.0, 0.0, 0.0], [0.5, 0.0, 0.0], [0.0, 0.5, 0.0], [0.5, 0.5, 0.0]])
-    cut = start + np.array([[0.0, 0.07, 0.0]] * 3 + [[0.0, 0.0, 0.0]])
-    assert not followed([start, cut]).any()
+    cut = SQUARE_M + np.array([[0.0, 0.07, 0.0]] * 3 + [[0.0, 0.0, 0.0]])
+    assert not followed([SQUARE_M, cut]).any()
 
 
 def test_briefly_hidden_marker_is_extrapolated() -> None:
     """The pose, which a hidden marker does not hold, has left it meanwhile."""
-    start = np.array([[0.0, 0.0, 0.0], [0.5, 0.0, 0.0], [0.0, 0.5, 0.0], [0.5, 0.5, 0.0]])
     step = np.array([0.03, 0.0, 0.0])
     labeller = limbs(4)
-    labeller.begin(start, np.arange(4))
-    labeller.label(start + step, spread(4), start, 1 / 60)
-    labeller.label((start + 2 * step)[:3], spread(3), start + step, 1 / 60)
-    left = start + 2 * step
+    labeller.begin(SQUARE_M, np.arange(4))
+    labeller.label(SQUARE_M + step, spread(4), SQUARE_M, 1 / 60)
+    labeller.label((SQUARE_M + 2 * step)[:3], spread(3), SQUARE_M + step, 1 / 60)
+    left = SQUARE_M + 2 * step
     left[3, 2] = 0.2
-    np.testing.assert_array_equal(labeller.label(start + 3 * step, spread(4), left, 1 / 60), np.arange(4))
+    np.testing.assert_array_equal(labeller.label(SQUARE_M + 3 * step, spread(4), left, 1 / 60), np.arange(4))
 
 
 def test_frame_of_other_points_clears_the_confidence() -> None:
-    start = np.array([[0.0, 0.0, 0.0], [0.5, 0.0, 0.0], [0.0, 0.5, 0.0], [0.5, 0.5, 0.0]])
-    assert not followed([start, start + 3.0]).any()
+    assert not followed([SQUARE_M, SQUARE_M + 3.0]).any()
 
 
 def test_hidden_marker_does_not_take_a_tracked_markers_point() -> None:
-    body = np.array([[0.0, 0.0, 0.0], [0.5, 0.0, 0.0], [0.0, 0.5, 0.0], [0.5, 0.5, 0.0]])
-    labeller, step = limbs(4), np.array([5.0 / 60, 0.0, 0.0])
+    body, labeller, step = SQUARE_M, limbs(4), np.array([5.0 / 60, 0.0, 0.0])
     labeller.begin(body, np.arange(4))
     for _ in range(12):  # a fifth of a second, after which the lost one may be 0.35 m away
         before, body = body, body + step
