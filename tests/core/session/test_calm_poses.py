@@ -18,9 +18,17 @@ FPS = 60.0
 JUMP_DEG = 10.0  # change of a joint between two frames beyond the truth's own
 
 
-def test_no_joint_jumps_with_noise_and_gaps(database):
-    truth = sliced(resampled(read_motion(MOTION / "jumping-05-tired.bvh"), FPS), 60, 180)
-    subject = Subject("jumper", truth.skeleton, load_marker_set("locomotion"))
+@pytest.fixture(scope="module")
+def truth():
+    return sliced(resampled(read_motion(MOTION / "jumping-05-tired.bvh"), FPS), 60, 180)
+
+
+@pytest.fixture(scope="module")
+def subject(truth):
+    return Subject("jumper", truth.skeleton, load_marker_set("locomotion"))
+
+
+def test_no_joint_jumps_with_noise_and_gaps(truth, subject, database):
     take, _ = simulate_markers(truth, subject, noise_mm=3.0, dropout=0.1, seed=1)
     solved = solve_take(take, subject, database, SolveSettings(), lambda fraction, text: None).motion
     beyond = changes_deg(solved.rotations) - changes_deg(truth.rotations)
@@ -28,9 +36,7 @@ def test_no_joint_jumps_with_noise_and_gaps(database):
 
 
 @pytest.mark.parametrize("causal", [True, False], ids=["live", "offline"])
-def test_extrapolated_hidden_markers_reduce_errors(database, monkeypatch, causal):
-    truth = sliced(resampled(read_motion(MOTION / "jumping-05-tired.bvh"), FPS), 60, 240)
-    subject = Subject("jumper", truth.skeleton, load_marker_set("locomotion"))
+def test_extrapolated_hidden_markers_reduce_errors(truth, subject, database, monkeypatch, causal):
     take, _ = simulate_markers(truth, subject, noise_mm=1.0, dropout=0.2, seed=2)
 
     def errors() -> dict:

@@ -48,14 +48,23 @@ def solve(frames, session, causal):
     return solve_frames(frames, session, "solving", lambda fraction, text: None, causal)
 
 
+@pytest.fixture(scope="module")
+def live(frames, session):
+    return solve(frames, session, causal=True)
+
+
+@pytest.fixture(scope="module")
+def recorded(frames, session):
+    return solve(frames, session, causal=False)
+
+
 def right_labels(solved, rows):
     """(F, M) whether each marker of the first performer is where it is, or hidden."""
     observed = np.array([pose.observed_m for pose in solved.poses_of()])
     return np.where(np.isnan(rows), np.isnan(observed), np.abs(observed - rows) < TOLERANCE_M).all(axis=2)
 
 
-def test_labels_also_hold_before_they_were_found(frames, rows, session):
-    live, recorded = (solve(frames, session, causal) for causal in (True, False))
+def test_labels_also_hold_before_they_were_found(frames, rows, live, recorded):
     late = ~right_labels(live, rows).all(axis=1)
     assert late[CUT + HIDDEN]  # live, nobody knows yet
     assert not late[:CUT].any()
@@ -71,15 +80,14 @@ def test_labels_also_hold_before_they_were_found(frames, rows, session):
     assert times == [frame.time_s for frame in frames]
 
 
-def test_frames_before_the_wrong_labels_stay_live(frames, session):
-    live, recorded = (solve(frames, session, causal).poses for causal in (True, False))
-    for pose, other in list(zip(live, recorded, strict=True))[: CUT - 1]:
+def test_frames_before_the_wrong_labels_stay_live(live, recorded):
+    for pose, other in list(zip(live.poses, recorded.poses, strict=True))[: CUT - 1]:
         np.testing.assert_array_equal(pose.performers[0].rotations, other.performers[0].rotations)
 
 
-def test_causal_poses_are_those_of_a_live_session(frames, subject, database, session):
+def test_causal_poses_are_those_of_a_live_session(frames, subject, database, live):
     alone = Session(subject, database)
-    for frame, pose in zip(frames, solve(frames, session, causal=True).poses, strict=True):
+    for frame, pose in zip(frames, live.poses, strict=True):
         np.testing.assert_array_equal(alone.step(frame).rotations, pose.performers[0].rotations)
 
 

@@ -14,13 +14,13 @@ def test_takes_with_a_shared_session_are_solved_independently(truth, subject, da
     takes = [simulate_markers(truth, subject, noise_mm=2.0, dropout=0.05, seed=seed)[0] for seed in (1, 2)]
     takes = [replace(take, positions_m=take.positions_m[:25], frame_numbers=[], times_s=[]) for take in takes]
     store, settings = SessionCache(), SolveSettings()
-    for take in (*takes, takes[0]):
+    alone = [solve_take(take, subject, database, settings, _quiet) for take in takes]
+    for take, own in zip((*takes, takes[0]), (*alone, alone[0]), strict=True):
         twin = Subject(subject.name, subject.skeleton, subject.marker_set)
         shared = solve_take(take, twin, store.database(database_file), settings, _quiet, store.session)
-        alone = solve_take(take, subject, database, settings, _quiet)
-        assert np.array_equal(shared.motion.rotations, alone.motion.rotations)
-        assert np.array_equal(shared.motion.root_positions_m, alone.motion.root_positions_m)
-        assert [pose.confidence for pose in shared.poses_of()] == [pose.confidence for pose in alone.poses_of()]
+        assert np.array_equal(shared.motion.rotations, own.motion.rotations)
+        assert np.array_equal(shared.motion.root_positions_m, own.motion.root_positions_m)
+        assert [pose.confidence for pose in shared.poses_of()] == [pose.confidence for pose in own.poses_of()]
 
 
 def test_sessions_are_shared_by_performer_database_and_settings(subject, database_file, stage_rig):

@@ -14,6 +14,7 @@ from perfanim.core.session.two_way_solve import TwoWaySolver
 from perfanim.core.simulate.simulated_markers import simulate_markers
 from perfanim.core.solver.motion_prior import MotionPrior
 from perfanim.core.solver.settings import SolveSettings
+from perfanim.core.subjects.from_motion import frames_of
 
 
 def silent(fraction, text):
@@ -26,6 +27,13 @@ def take(truth, subject):
 
 
 @pytest.fixture(scope="module")
+def stepped(take, subject, database):
+    """A session and the poses that it gave of the take, not calmed."""
+    session = Session(subject, database)
+    return session, [session.step(frame) for frame in take_frames(take, subject.marker_set)]
+
+
+@pytest.fixture(scope="module")
 def live(take, subject, database):
     return solve_take(take, subject, database, SolveSettings(), silent, causal=True)
 
@@ -35,10 +43,8 @@ def recorded(take, subject, database):
     return solve_take(take, subject, database, SolveSettings(), silent)
 
 
-def test_both_directions_are_better_than_live(take, live, recorded, subject, database, truth):
-    session = Session(subject, database)
-    solved = [session.step(frame) for frame in take_frames(take, subject.marker_set)]  # not calmed
-    motions = motion_of(solved, subject, take.name, take.fps), recorded.motion, live.motion
+def test_both_directions_are_better_than_live(take, live, recorded, stepped, subject, truth):
+    motions = motion_of(stepped[1], subject, take.name, take.fps), recorded.motion, live.motion
     before, after, calm = (evaluate(motion, truth) for motion in motions)
     assert after["deg_per_joint"] < 1.03 * before["deg_per_joint"]  # no gain on this take, see docs/marker-takes.md
     for unit, share in (("mpjpe_mm", 1.0), ("root_rotation_deg", 0.9), ("jitter_ratio", 0.8), ("foot_skate_cm_s", 0.8)):
@@ -46,10 +52,8 @@ def test_both_directions_are_better_than_live(take, live, recorded, subject, dat
         assert after[unit] < calm[unit]
 
 
-def test_causal_poses_are_those_of_a_live_session(take, live, subject, database):
-    session = Session(subject, database)
-    poses = calm_performer([session.step(frame) for frame in take_frames(take, subject.marker_set)])
-    for own, pose in zip(poses, live.poses_of(), strict=True):
+def test_causal_poses_are_those_of_a_live_session(live, stepped):
+    for own, pose in zip(calm_performer(stepped[1]), live.poses_of(), strict=True):
         np.testing.assert_array_equal(own.rotations, pose.rotations)
 
 
@@ -57,29 +61,24 @@ def test_motion_before_a_cut_does_not_depend_on_what_follows(take, subject, data
     """Frames on both sides of a cut are solved as if they were takes of their own."""
     first, cut = 20, take.positions_m.copy()
     cut[first:] += [3.0, 0.0, 0.0]
-    short = replace(
-        take,
-        positions_m=cut[:first],
-        frame_numbers=take.frame_numbers[:first],
-        times_s=take.times_s[:first],
+    both = replace(take, positions_m=cut)
+    whole, alone = (
+        solve_take(frames_of(both, slice(0, last)), subject, database, SolveSettings(), silent) for last in (40, first)
     )
-    whole = solve_take(replace(take, positions_m=cut), subject, database, SolveSettings(), silent)
-    alone = solve_take(short, subject, database, SolveSettings(), silent)
     np.testing.assert_array_equal(whole.motion.rotations[:first], alone.motion.rotations)
 
 
-def test_learned_prior_of_the_backward_pass_uses_earlier_markers(take, subject, database, monkeypatch):
+def test_learned_prior_of_the_backward_pass_uses_earlier_markers(stepped, monkeypatch):
     """It was learned from motion that goes forwards: nothing runs through its network in reverse."""
     monkeypatch.setattr("perfanim.core.session.two_way_solve._TOGETHER", 7)
-    session, batches, estimate_all = Session(subject, database), [], MotionPrior.estimate_all
-    live = [session.step(frame) for frame in take_frames(take, subject.marker_set)]
+    (session, poses), batches, estimate_all = stepped, [], MotionPrior.estimate_all
     monkeypatch.setattr(
         MotionPrior,
         "estimate_all",
         lambda prior, recent: batches.append([each.points_m for each in recent]) or estimate_all(prior, recent),
     )
     monkeypatch.setattr(MotionPrior, "estimate", None)  # all torsos are seen: no frame needs one of its own
-    TwoWaySolver(session.solver, ()).solve(live, lambda share: None)
+    TwoWaySolver(session.solver, ()).solve(poses[:40], lambda share: None)
     assert len(batches) > 3
     for batch in batches:
         now = [points[0] for points in batch]
@@ -94,9 +93,10 @@ def test_learned_prior_of_the_backward_pass_uses_earlier_markers(take, subject, 
 
 
 def test_poses_before_the_first_torso_repeat_the_first_solved_pose(take, subject, database):
-    hidden, positions_m = 5, take.positions_m.copy()
+    hidden, begun = 5, frames_of(take, slice(0, 20))
+    positions_m = begun.positions_m.copy()
     positions_m[:hidden] = np.nan
-    motion = solve_take(replace(take, positions_m=positions_m), subject, database, SolveSettings(), silent).motion
+    motion = solve_take(replace(begun, positions_m=positions_m), subject, database, SolveSettings(), silent).motion
     for frame in range(hidden):
         np.testing.assert_array_equal(motion.rotations[frame], motion.rotations[hidden])
         np.testing.assert_array_equal(motion.root_positions_m[frame], motion.root_positions_m[hidden])
@@ -110,4 +110,4 @@ def test_cancellation_is_possible_at_any_moment(take, subject, database):
                 raise KeyboardInterrupt
 
         with pytest.raises(KeyboardInterrupt):
-            solve_take(take, subject, database, SolveSettings(), cancel)
+            solve_take(frames_of(take, slice(0, 20)), subject, database, SolveSettings(), cancel)
