@@ -15,6 +15,7 @@ from perfanim.core.markers.subject import Subject, save_subject
 from perfanim.core.session.solve_take import solve_take
 from perfanim.core.simulate.simulated_markers import simulate_markers
 from perfanim.core.solver.settings import SolveSettings
+from perfanim.core.subjects.from_motion import frames_of
 from scipy.interpolate import CubicSpline
 
 NOISE_M, OFFSET_M = 0.0005, 0.005  # of the markers, and by how much the subject's calibration has their places wrong
@@ -94,7 +95,7 @@ def test_filled_gaps_have_no_jumps(whole, gappy, filled):
 def test_gap_at_the_end_of_a_take_is_filled_by_the_body(whole, suited, database):
     positions = whole.positions_m[:40].copy()
     positions[22:, whole.names.index("LWRA")] = np.nan
-    take = replace(whole, positions_m=positions, frame_numbers=np.arange(40), times_s=np.arange(40) / whole.fps)
+    take = replace(frames_of(whole, slice(0, 40)), positions_m=positions)
     motion = solve_take(widen_gaps(take), suited, database, SolveSettings(), lambda *_: None).motion
     result = fill_gaps(take, suited.marker_set, motion)
     assert error_m(result, whole, Gap(whole.names.index("LWRA"), 22, 40)) < 4.0 * OFFSET_M
@@ -139,9 +140,10 @@ def test_filled_file_keeps_its_labels(whole, gappy, suited, database_file, tmp_p
 
 def test_frozen_stretches_are_filled_unless_labels_are_trusted(whole, suited, database_file, tmp_path, capsys):
     held, stretch = whole.names.index("RFIN"), slice(20, 40)
-    positions = whole.positions_m.copy()
+    shown = frames_of(whole, slice(0, 45))
+    positions = shown.positions_m.copy()
     positions[stretch, held] = positions[stretch.start, held]
-    write_take(replace(whole, positions_m=positions), tmp_path / "a.trc")
+    write_take(replace(shown, positions_m=positions), tmp_path / "a.trc")
     save_subject(suited, tmp_path / "ben.toml")
     line = ["take", "fill", tmp_path / "a.trc", "--out", tmp_path / "b.trc", "--database", database_file]
     line = [*map(str, [*line, "--subject", tmp_path / "ben.toml"]), "--json"]
@@ -149,7 +151,7 @@ def test_frozen_stretches_are_filled_unless_labels_are_trusted(whole, suited, da
     for more in ([], ["--trust-labels"]):
         assert main([*line, *more]) == 0
         told = json.loads(capsys.readouterr().out)
-        away_m = np.linalg.norm(read_take(tmp_path / "b.trc").positions_m - whole.positions_m, axis=-1)[stretch, held]
+        away_m = np.linalg.norm(read_take(tmp_path / "b.trc").positions_m - shown.positions_m, axis=-1)[stretch, held]
         found.append((told["gaps"], away_m.max() < 0.02, told["warnings"]))
     text = "RFIN stood still while the body moved, treated as missing (frames 21 to 39)"
     assert found == [(1, True, [text]), (0, False, [])]
