@@ -15,7 +15,7 @@ from perfanim.core.solver import best_method
 from perfanim.core.solver.settings import SolveSettings
 from perfanim.core.system.progress import no_progress
 
-JUMP = 560, 700  # frames of the demo
+JUMP = 560, 640  # frames of the demo, until the hands are seen again
 RAISED_M = 0.35  # of a hand above the hips
 
 

@@ -16,7 +16,7 @@ from perfanim.core.solver.settings import SolveSettings
 from perfanim.core.subjects.from_motion import subject_from_motion
 from perfanim.core.subjects.keypoint_bones import sized_by_distances
 
-FRAMES = 90
+FRAMES = 60
 
 
 def third_differences_m(points_m):
