@@ -67,7 +67,7 @@ def test_trajectories_that_are_no_body_are_refused(few_suits, unknown, database)
 def test_a_few_trajectories_and_a_missing_database_are_refused(unknown, database):
     take = unknown[0]
     few = replace(take, names=take.names[:5], positions_m=take.positions_m[:, :5])
-    with pytest.raises(TakeError, match="5 trajectories are too few"):
+    with pytest.raises(TakeError, match=r"there are too few trajectories \(5\) to show a body"):
         labelled_by(AUTO, few, database)
     with pytest.raises(TakeError, match="do not match any shipped marker set"):
         labelled_by(AUTO, take, None)
