@@ -174,7 +174,10 @@ def _draw_shadow(image: Image, camera: Camera, cones: RoundCones) -> None:
     for polygon in np.rint(np.clip(polygons, -4000.0, 4000.0)).astype(np.int32):
         cv2.fillConvexPoly(mask, polygon, (150.0,))
     soft = cv2.GaussianBlur(mask, (0, 0), 4.0)
-    image[:] = np.rint(image * (1.0 - (soft * np.float32(0.62 / 255.0))[..., None])).astype(np.uint8)
+    left, top, width, height = cv2.boundingRect(soft)
+    part = image[top : top + height, left : left + width]
+    shade = soft[top : top + height, left : left + width] * np.float32(0.62 / 255.0)
+    part[:] = np.rint(part * (1.0 - shade[..., None])).astype(np.uint8)
 
 
 def _write(image: Image, text: str, place: tuple[int, int], size: float, colour: tuple[float, float, float]) -> None:

@@ -59,17 +59,17 @@ def draw_body(
     a, b = camera.project(cones.starts), camera.project(cones.ends)
     ra = camera.focal_px * cones.start_radii / np.maximum(starts, 0.05)
     rb = camera.focal_px * cones.end_radii / np.maximum(ends, 0.05)
-    layers = []
-    for size, _ in _LAYERS:
-        shift = 0.55 * (1.0 - size) * _LIGHT
-        polygons = outlines(a + ra[:, None] * shift, b + rb[:, None] * shift, size * ra, size * rb)
-        layers.append(np.rint(np.nan_to_num(polygons) * 16.0).astype(np.int32))
+    sizes = np.array([size for size, _ in _LAYERS])[:, None]
+    shifts = 0.55 * (1.0 - sizes) * _LIGHT
+    a, b = ((ends + radii[:, None] * shifts[:, None]).reshape(-1, 2) for ends, radii in ((a, ra), (b, rb)))
+    polygons = outlines(a, b, (sizes * ra).ravel(), (sizes * rb).ravel())
+    layers = np.rint(np.nan_to_num(polygons) * 16.0).astype(np.int32).reshape(len(_LAYERS), len(cones), -1, 2)
     for limb in sorted(body.limbs, key=lambda members: -float(middle[members].mean())):
         order = [part for part in limb[np.argsort(-middle[limb])] if min(starts[part], ends[part]) > 0.2]
         # layer by layer, so that the parts of a limb merge
-        for polygons, (size, tone) in zip(layers, _LAYERS, strict=True):
+        for outline, (size, tone) in zip(layers, _LAYERS, strict=True):
             rim = cv2.LINE_AA if size == 1.0 else cv2.LINE_8
             for part in order:
                 blue, green, red = colours[body.materials[part]]
                 colour = light * tone * blue, light * tone * green, light * tone * red
-                cv2.fillConvexPoly(image, polygons[part], colour, rim, 4)  # 4 fractional bits
+                cv2.fillConvexPoly(image, outline[part], colour, rim, 4)  # 4 fractional bits

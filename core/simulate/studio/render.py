@@ -2,6 +2,7 @@
 
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
+from functools import lru_cache
 from itertools import repeat
 
 import cv2
@@ -47,6 +48,9 @@ class StudioFrame(ImageSet):
     truth: FrameTruth = field(kw_only=True)
 
 
+_Bodies = list[tuple[Performance, RoundCones]]
+
+
 @dataclass(frozen=True)
 class _ImagedMarkers:
     """Markers in one image: paths (M, S, 2) during the exposure, centres (M, 2), radii, depths and visibility (M,)."""
@@ -71,7 +75,8 @@ class Renderer:
         if self.settings.moved_object:
             views = _views(rig, (*furniture, MOVED_OBJECT))
             self._rooms = tuple(view.image(self.settings.light) for view in views)
-        self._noise = _noise_tables(rig, self.settings)
+        sizes = tuple(camera.image_size for camera in rig.cameras)
+        self._noise = _noise_tables(sizes, self.settings.noise_sigma, self.settings.seed)
 
     def background(self, number: int) -> tuple[Image, ...]:
         """Return images of the empty room with fresh noise, one per camera."""
@@ -92,10 +97,11 @@ class Renderer:
         times = tuple(time_s + self.settings.time_offset_s(i) for i in range(len(self.rig)))
         images, all_ghosts, imaged = [], [], []
         for i, (camera, time) in enumerate(zip(self.rig.cameras, times, strict=True)):
-            markers, ghosts = self._imaged_markers(performance, time, number, i), self._ghosts(i, time)
+            bodies = _from_afar(camera, performance, time)
+            markers, ghosts = self._imaged_markers(performance, bodies, time, number, i), self._ghosts(i, time)
             image = self._room(i, time)
             if self.settings.draw_body:
-                for one, cones in _from_afar(camera, performance, time):
+                for one, cones in bodies:
                     draw_body(image, camera, one.body, cones, self.settings.light)
             for centre, radius, brightness in ghosts:
                 draw_disc(image, centre[None], radius, np.full(3, brightness), self.settings.lens_blur_px)
@@ -130,7 +136,9 @@ class Renderer:
         factor = 1.0 + self.settings.light_drift * float(np.sin(0.5 * time_s))
         return np.asarray(cv2.convertScaleAbs(self._rooms[camera], alpha=factor), dtype=np.uint8)
 
-    def _imaged_markers(self, performance: Performance, time: float, number: int, index: int) -> _ImagedMarkers:
+    def _imaged_markers(
+        self, performance: Performance, bodies: _Bodies, time: float, number: int, index: int
+    ) -> _ImagedMarkers:
         camera, settings = self.rig.cameras[index], self.settings
         count = sum(one.markers_m.shape[1] for one in performance.everybody)
         middles = np.full(count, time)
@@ -144,7 +152,7 @@ class Renderer:
         with np.errstate(invalid="ignore"):
             seen = np.all((centres > -0.5) & (centres < np.array(camera.image_size) - 0.5), axis=1)
         if settings.occlusion:
-            for _, cones in _from_afar(camera, performance, time):
+            for _, cones in bodies:
                 seen &= visible(camera.centre_m, centres_m, cones, 0.5 * settings.marker_radius_m)
             seen &= ~_behind_another(centres, radii, depth)
         if settings.dropout > 0.0:
@@ -185,7 +193,7 @@ class Renderer:
         return shown
 
 
-def _from_afar(camera: Camera, performance: Performance, time: float) -> list[tuple[Performance, RoundCones]]:
+def _from_afar(camera: Camera, performance: Performance, time: float) -> _Bodies:
     """Return all performers with their bodies at a time, the farthest from the camera first."""
     placed = [(one, one.cones_at(time)) for one in performance.everybody]
     return sorted(placed, key=lambda pair: -float(camera.to_camera(pair[1].starts)[:, 2].mean()))
@@ -213,11 +221,12 @@ def _views(rig: CameraRig, boxes: tuple[Box, ...]) -> tuple[RoomView, ...]:
         return tuple(pool.map(view_room, rig.cameras, repeat(boxes)))
 
 
-def _noise_tables(rig: CameraRig, settings: StudioSettings) -> tuple[Image, Image] | None:
+@lru_cache(maxsize=2)
+def _noise_tables(sizes: tuple[tuple[int, int], ...], sigma: float, seed: int) -> tuple[Image, Image] | None:
     """Return noise to add and to subtract, larger than the largest image so that it can be shifted."""
-    if settings.noise_sigma == 0.0:
+    if sigma == 0.0:
         return None
-    rng = np.random.default_rng([settings.seed, 3])
-    width, height = np.max([camera.image_size for camera in rig.cameras], axis=0) + 160
-    noise = np.rint(rng.standard_normal((height, width, 3), dtype=np.float32) * np.float32(settings.noise_sigma))
+    rng = np.random.default_rng([seed, 3])
+    width, height = np.max(sizes, axis=0) + 160
+    noise = np.rint(rng.standard_normal((height, width, 3), dtype=np.float32) * np.float32(sigma))
     return np.clip(noise, 0, 255).astype(np.uint8), np.clip(-noise, 0, 255).astype(np.uint8)

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import product
 
 import cv2
@@ -23,7 +24,10 @@ class Box:
     lamp: bool = False
 
 
-FURNITURE = tuple(Box(**row) for row in TABLES["furniture"])
+FURNITURE = tuple(
+    Box(tuple(row["low"]), tuple(row["high"]), tuple(row["colour"]), row.get("lamp", False))
+    for row in TABLES["furniture"]
+)
 MOVED_OBJECT = Box((-1.95, 0.0, -1.9), (-1.5, 0.62, -1.5), (96, 70, 130))
 _ROOM = Box((-3.4, 0.0, -2.6), (3.4, 2.8, 6.0), (81.0, 84.0, 82.0))
 _CEILING = (150.0, 150.0, 150.0)
@@ -44,8 +48,23 @@ class RoomView:
 
 
 def view_room(camera: Camera, boxes: tuple[Box, ...]) -> RoomView:
-    """Return the empty room as the camera sees it, including lens distortion."""
-    width, height = camera.image_size
+    """Return the empty room as the camera sees it, including lens distortion.
+
+    Views of the last few cameras are kept, because drawing one takes longer than drawing the performer 30 times.
+    """
+    places = (camera.matrix, camera.distortion, camera.rotation, camera.translation_m)
+    return _drawn_room(camera.image_size, tuple(map(_numbers, places)), boxes)
+
+
+def _numbers(values: Array) -> tuple[float, ...]:
+    return tuple(values.ravel().tolist())
+
+
+@lru_cache(maxsize=4)
+def _drawn_room(size: tuple[int, int], places: tuple[tuple[float, ...], ...], boxes: tuple[Box, ...]) -> RoomView:
+    matrix, distortion, rotation, translation_m = map(np.array, places)
+    camera = Camera("", size, matrix.reshape(3, 3), distortion, rotation.reshape(3, 3), translation_m)
+    width, height = size
     grid = undistorted_grid(camera, np.arange(width, dtype=np.float64), np.arange(height, dtype=np.float64))
     rays, origin = camera.rays(grid).reshape(-1, 3), camera.centre_m
     distance, axis = _faces(origin, rays, _ROOM)[1]

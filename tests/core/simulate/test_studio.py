@@ -17,6 +17,7 @@ from perfanim.core.simulate.studio.render import Renderer
 from perfanim.core.simulate.studio.simulated_source import open_simulated, studio_settings
 from perfanim.core.simulate.studio.studio_rig import default_rig
 from perfanim.core.simulate.studio.studio_settings import StudioSettings
+from scipy.spatial.distance import cdist
 
 FPS = 60.0
 QUIET = StudioSettings(noise_sigma=0.0, clutter=False)
@@ -62,15 +63,13 @@ def test_first_hits_agree_with_marching_along_the_rays() -> None:
     for i in range(count):
         centres = cones.starts[i] + share[:, None] * (cones.ends[i] - cones.starts[i])
         radii = cones.start_radii[i] + share * (cones.end_radii[i] - cones.start_radii[i])
-        inside = np.array(
-            [(np.linalg.norm(row[:, None] - centres, axis=2) < radii - 1e-6).any(axis=1) for row in places]
-        )
+        inside = np.array([(cdist(row, centres) < radii - 1e-6).any(axis=1) for row in places])
         found = np.isfinite(hits[:, i])
         assert not inside[:, ~found].any()
         first = np.where(inside.any(axis=0), steps[np.argmax(inside, axis=0)], np.inf)
         assert np.all(hits[:, i] <= first)
         points = origin + hits[found, i, None] * rays[found]
-        gaps = (np.linalg.norm(points[:, None] - centres, axis=2) - radii).min(axis=1)
+        gaps = (cdist(points, centres) - radii).min(axis=1)
         assert np.abs(gaps).max(initial=0.0) < 1e-4
 
 
