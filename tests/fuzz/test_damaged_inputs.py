@@ -1,5 +1,6 @@
 """Damaged inputs at every reader of foreign input. PERFANIM_FUZZ_INPUTS: inputs of each (`make fuzz`)."""
 
+import gc
 import os
 import signal
 import sys
@@ -34,10 +35,10 @@ NAMES = (
 
 @pytest.fixture(scope="module")
 def doors(tmp_path_factory):
-    limits.limit_memory()
     doors = {door.name: door for door in all_doors(tmp_path_factory.mktemp("doors"))}
     assert tuple(doors) == NAMES
-    return doors
+    with limits.limited_memory():
+        yield doors
 
 
 @pytest.fixture(autouse=True)
@@ -128,6 +129,17 @@ def test_each_kind_of_fault_is_noticed(read, fault):
     if "memory" in fault:
         door = replace(door, longest_s=60.0)
     assert limits.outcome_of(door, b"a").fault == fault
+
+
+def test_garbage_that_is_collected_while_a_door_reads_hides_none_of_its_memory():
+    def read(data: bytes) -> bytes:
+        gc.collect()
+        return bytes(range(256)) * (1 << 20)
+
+    left = [bytes(range(256)) * (1 << 20)]
+    left.append(left)
+    del left
+    assert "memory" in limits.outcome_of(Door("a door", (b"a",), damaged_text, read, longest_s=60.0), b"a").fault
 
 
 def test_damage_reaches_large_inputs_and_shrinks():

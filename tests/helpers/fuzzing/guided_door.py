@@ -14,7 +14,7 @@ import atheris
 
 with atheris.instrument_imports(include=["perfanim"]):
     from .doors import all_doors
-    from .limits import limit_memory, outcome_of
+    from .limits import limited_memory, outcome_of
 
 
 def main() -> None:
@@ -25,9 +25,8 @@ def main() -> None:
         door = next(door for door in all_doors(folder) if door.name == name)
         for data in (*door.corpus, *door.guided):  # readers import what they need when they need it
             outcome_of(door, data)
-    limit_memory()
     count, faults = 0, Counter[str]()
-    with Path(results).open("w") as file:
+    with limited_memory(), Path(results).open("w") as file:
 
         def read(data: bytes) -> None:
             nonlocal count

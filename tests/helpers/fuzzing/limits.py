@@ -1,8 +1,12 @@
 """What a reader may take and how it may end, measured in this process."""
 
+import ctypes
+import gc
 import resource
 import time
 import traceback
+from collections.abc import Generator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import NamedTuple
 
@@ -25,14 +29,25 @@ class Outcome(NamedTuple):
     fault: str = ""
 
 
-def limit_memory() -> None:
+@contextmanager
+def limited_memory() -> Generator[None]:
     """Let this process have no more than some memory beyond its present use."""
-    most = _memory("VmSize:") + _MORE_BYTES
-    resource.setrlimit(resource.RLIMIT_AS, (most, resource.getrlimit(resource.RLIMIT_AS)[1]))
+    usual, most = resource.getrlimit(resource.RLIMIT_AS)
+    resource.setrlimit(resource.RLIMIT_AS, (_memory("VmSize:") + _MORE_BYTES, most))
+    gc.collect()
+    gc.freeze()  # what others have made is not looked through before each input
+    try:
+        yield
+    finally:
+        gc.unfreeze()
+        resource.setrlimit(resource.RLIMIT_AS, (usual, most))
 
 
 def outcome_of(door: Door, data: bytes) -> Outcome:
     """Read an input and return how it ended."""
+    # What is given back while the door reads would be taken off its memory: garbage of those before, free heap.
+    gc.collect()
+    ctypes.CDLL(None).malloc_trim(0)
     Path("/proc/self/clear_refs").write_text("5")  # the peak begins at the present use
     before = _memory("VmRSS:")
     begun_s = time.process_time()  # of the processor, so that a busy machine is not the reader's fault
