@@ -40,15 +40,17 @@ def calibrate_images(
         progress(0.9 * done / total, f"looking for the board: {path.name}")
         done += 1
 
-    cameras = [_camera_views(name, rows, board, rejected, report) for name, rows in files.items()]
-    for camera in cameras:
+    cameras = []
+    for name, rows in files.items():
+        camera = _camera_views(name, rows, board, rejected, report)
         if len(camera.views) < MINIMUM_VIEWS:
             _check_size(shown, board)
             raise CalibrationError(
-                f"the board was found in {len(camera.views)} of {counted(len(files[camera.name]), 'picture')}",
-                where=f"camera {camera.name}",
+                f"the board was found in {len(camera.views)} of {counted(len(rows), 'picture')}",
+                where=f"camera {name}",
                 advice="check the size of the board, and that all of it is in the pictures, sharp and lit",
             )
+        cameras.append(camera)
     progress(0.9, "calibrating")
     return calibrate_from_points(board.points_m, cameras, rejected, left_right=left_right, ambiguous=board.is_ambiguous)
 

@@ -54,14 +54,18 @@ def test_sourishg_set(shared_dir):
     assert len(result.used) >= 25
 
 
+def copied(shared_dir, folder, numbers):
+    """Copy pairs of the OpenCV set to a folder that may be written to, and return it."""
+    for number in numbers:
+        for side in ("left", "right"):
+            shutil.copy(shared_dir / "stereo" / "opencv-9x6" / f"{side}{number:02d}.jpg", folder)
+    return folder
+
+
 @pytest.fixture
 def few(shared_dir, tmp_path):
-    """Five pairs of the OpenCV set, and a folder that may be written to."""
-    folder = shared_dir / "stereo" / "opencv-9x6"
-    for number in (1, 4, 6, 8, 13):
-        for side in ("left", "right"):
-            shutil.copy(folder / f"{side}{number:02d}.jpg", tmp_path)
-    return tmp_path
+    """Three pairs, as many as a calibration needs."""
+    return copied(shared_dir, tmp_path, (1, 6, 8))
 
 
 def patterns_in(folder) -> dict[str, str]:
@@ -74,7 +78,8 @@ def test_error_of_a_wrong_board_size_names_the_right_one(few, wrong):
         calibrate_images(patterns_in(few), parse_board(f"chessboard:{wrong}:24mm"), silent)
 
 
-def test_unreadable_and_unpaired_pictures_are_rejected_with_reasons(few):
+def test_unreadable_and_unpaired_pictures_are_rejected_with_reasons(few, shared_dir):
+    copied(shared_dir, few, (4, 13))
     (few / "left04.jpg").write_bytes(b"no picture")
     (few / "right13.jpg").unlink()
     result = calibrate_images(patterns_in(few), parse_board("chessboard:9x6:24mm"), silent)
