@@ -150,7 +150,7 @@ def _measured(
                 used += bool(image_set.usable[0] and begin_s <= now_s < end_s)
                 if now_s >= end_s and all(image_set.usable) and not image_set.notes:
                     recovered_s = min(recovered_s, now_s - end_s)
-                if now_s > end_s + AFTER_S:
+                if now_s > end_s + (0.0 if note and recovered_s < AFTER_S else AFTER_S):
                     break
         finally:
             failing.mend()

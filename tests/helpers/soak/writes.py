@@ -86,6 +86,7 @@ class Material:
         self.take = folder / "take.perftake"
         self._record_to(self.take, self.records, 0.0)
         self.handed_over = mmap.mmap(-1, 8)
+        self.wait_s = 1.0 / FPS  # between the frames of a recording
 
     @staticmethod
     def build(path: Path, clips: list[Path]) -> None:
@@ -118,7 +119,7 @@ class Material:
         (place / "take.perftake").unlink(missing_ok=True)  # nobody records over a take
 
     def _record(self, place: Path) -> None:
-        self._record_to(place / "take.perftake", self.records, 1.0 / FPS)
+        self._record_to(place / "take.perftake", self.records, self.wait_s)
 
     def _record_to(self, path: Path, records: list[bytes], wait_s: float) -> None:
         writer = TakeWriter(path, TakeSetup.of(default_rig(), (self.subject,), {}, {}, {}), TakeNotes("old"))
@@ -204,7 +205,7 @@ def disturbed(work: Work, material: Material, place: Path, fault: str, chance: r
     if fault == FULL and status:
         wrong = wrong or "no error in one line"
     if not wrong:
-        wrong = _left_behind(place, work, fault)
+        wrong = _left_behind(place, work, material, fault)
     return {"fault": fault, "at": limit if fault == FULL else round(after_s, 4), "wrong": wrong}
 
 
@@ -222,13 +223,15 @@ def _act(work: Work, place: Path, limit: int | None) -> int:
     return 0
 
 
-def _left_behind(place: Path, work: Work, fault: str) -> str:
+def _left_behind(place: Path, work: Work, material: Material, fault: str) -> str:
     """Return the temporary files that a full disk leaves, or another run after a kill."""
     if fault == KILLED:
         for path in place.rglob("*"):
             os.utime(path, (0.0, 0.0))  # as if it had been long ago
         work.prepare(place)
+        usual_s, material.wait_s = material.wait_s, 0.0
         work.act(place)
+        material.wait_s = usual_s
     left = [path.name for path in place.iterdir() if path.name.startswith(".")]
     return f"left behind: {', '.join(left)}" if left else ""
 
