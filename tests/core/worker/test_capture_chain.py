@@ -73,7 +73,8 @@ def test_every_frame_of_a_source_that_ends_is_solved_and_kept(request_files: dic
     path, packets = tmp_path / "walk.perftake", []
     with Receiver(0) as receiver:
         asked = {"take": str(path), "character": "Xbot", "vmc": {"host": "127.0.0.1", "port": receiver.port}}
-        client = WorkerClient({**request(request_files), **asked})
+        capture = request(request_files, seconds=2.0)
+        client = WorkerClient({**capture, **asked})
 
         def received(_: list[Message]) -> bool:
             while packet := receiver.receive(0.0):
@@ -89,7 +90,8 @@ def test_every_frame_of_a_source_that_ends_is_solved_and_kept(request_files: dic
     solved = [message.pose() for message in of(MessageKind.POSE, messages)]
     numbers = [each.pose.number for each in solved]
     assert numbers == list(range(len(numbers)))
-    assert messages[-1].json()["handed_over"] == len(numbers) > 300  # T pose, arms down, 4 s of walking, standing
+    filmed = open_simulated(capture["cameras"]["source"]).frames
+    assert messages[-1].json()["handed_over"] == len(numbers) == filmed > 300  # T pose, arms down, walking, standing
     assert np.mean([each.pose.performers[0].confidence for each in solved]) > 0.5
     assert not of(MessageKind.PREVIEW, messages)  # nobody asked for it
     # another program has got each pose, at its time

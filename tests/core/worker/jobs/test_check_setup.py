@@ -14,7 +14,7 @@ from perfanim.core.simulate.studio.studio_rig import default_rig
 from perfanim.core.subjects.setup_check.finding import Fault
 from perfanim.core.vision.common_space import common_space
 from perfanim.core.worker.jobs import check_setup
-from perfanim.core.worker.protocol import Message, MessageKind
+from perfanim.core.worker.protocol import MessageKind
 from perfanim.core.worker.requests import read_request
 
 SOURCE = {"kind": "simulated", "behaviour": "walking", "height_m": 1.75, "marker_set": "boxing", "loop": True}
@@ -24,16 +24,11 @@ def asked(**more: Any) -> dict[str, Any]:
     return {"job": "check setup", "source": SOURCE, "marker_set": "boxing", "rig": None, **more}
 
 
-def checked(**more: Any) -> tuple[list[Message], dict[str, Any]]:
-    messages = played(asked(**more))
-    return messages, outcome(messages).json()
-
-
 @pytest.fixture(scope="module")
-def practised() -> Iterator[Callable[..., tuple[dict[str, Any], np.ndarray]]]:
-    """practised(fault, ...) -> the result and the last picture of a check in this process, of half as many pictures."""
+def checked_here() -> Iterator[Callable[..., tuple[dict[str, Any], np.ndarray]]]:
+    """checked_here(...) -> the result and the last picture of a check in this process, of half as many pictures."""
 
-    def check(fault: Fault, **more: Any) -> tuple[dict[str, Any], np.ndarray]:
+    def check(**more: Any) -> tuple[dict[str, Any], np.ndarray]:
         pictures: list[np.ndarray] = []
         results: list[dict[str, Any]] = []
         channel: Any = SimpleNamespace(
@@ -42,7 +37,7 @@ def practised() -> Iterator[Callable[..., tuple[dict[str, Any], np.ndarray]]]:
             send_preview=pictures.append,
             send_result=results.append,
         )
-        check_setup.run(read_request("check setup", asked(fault=str(fault), **more)), channel)
+        check_setup.run(read_request("check setup", asked(**more)), channel)
         return results[0], pictures[-1]
 
     with pytest.MonkeyPatch.context() as patch:
@@ -52,19 +47,22 @@ def practised() -> Iterator[Callable[..., tuple[dict[str, Any], np.ndarray]]]:
 
 
 @pytest.fixture(scope="module")
-def reflections(practised: Any) -> tuple[dict[str, Any], np.ndarray]:
-    return practised(Fault.REFLECTION)
+def reflections(checked_here: Any) -> tuple[dict[str, Any], np.ndarray]:
+    return checked_here(fault=str(Fault.REFLECTION))
 
 
-def test_a_healthy_studio_is_checked_with_and_without_a_calibration() -> None:
-    messages, found = checked()
+def test_a_healthy_studio_without_a_calibration_has_no_fault_and_no_space(checked_here: Any) -> None:
+    found, _ = checked_here()
     assert found == {"findings": [], "space": ""}
-    assert any(text.startswith("hold still: stand upright, arms straight out") for text in said(messages))
-    assert "walk about" in said(messages)
-    assert [m for m in messages if m.kind is MessageKind.PREVIEW]
+
+
+def test_a_healthy_studio_is_checked_with_a_calibration() -> None:
     rig = default_rig()
     rig.metadata["floor"] = "y = 0"
-    messages, found = checked(rig=rig_tables(rig))
+    messages = played(asked(rig=rig_tables(rig)))
+    found = outcome(messages).json()
+    assert any(text.startswith("hold still: stand upright, arms straight out") for text in said(messages))
+    assert "walk about" in said(messages)
     assert found == {"findings": [], "space": common_space(rig).text}
     assert found["space"].startswith("you may walk ")
     *_, shown = (m.preview() for m in messages if m.kind is MessageKind.PREVIEW)
@@ -75,20 +73,17 @@ def test_a_healthy_studio_is_checked_with_and_without_a_calibration() -> None:
 
 
 @pytest.mark.parametrize("fault", [Fault.DARK, Fault.BUMPED, Fault.REFLECTION])
-def test_a_fault_to_practise_on_is_named(fault: Fault, practised: Any, reflections: Any) -> None:
-    found, shown = reflections if fault is Fault.REFLECTION else practised(fault)
+def test_a_fault_to_practise_on_is_named(fault: Fault, checked_here: Any, reflections: Any) -> None:
+    found, shown = reflections if fault is Fault.REFLECTION else checked_here(fault=str(fault))
     assert {row["fault"] for row in found["findings"]} == {str(fault)}
     ringed = int((abs(shown.astype(int) - (255, 170, 60)).max(axis=2) < 30).sum())
     assert (ringed > 20) == (fault is Fault.REFLECTION)
 
 
-@pytest.mark.parametrize("rig", [None, rig_tables(default_rig())], ids=["not calibrated", "calibrated"])
-def test_reflections_that_are_ignored_are_no_fault_and_are_crossed_out(
-    rig: dict[str, Any] | None, practised: Any, reflections: Any
-) -> None:
+def test_reflections_that_are_ignored_are_no_fault_and_are_crossed_out(checked_here: Any, reflections: Any) -> None:
     places = [place for row in reflections[0]["findings"] for place in row["places"]]
     assert places
-    found, shown = practised(Fault.REFLECTION, rig=rig, ignored=places)
+    found, shown = checked_here(fault=str(Fault.REFLECTION), rig=rig_tables(default_rig()), ignored=places)
     assert found["findings"] == []
     for camera, x, y in places:  # the pictures are half as large
         x, y = round(x / 2 + 320 * camera), round(y / 2)
