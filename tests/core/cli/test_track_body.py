@@ -2,8 +2,10 @@
 
 import json
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
+import commands
 import cv2
 import numpy as np
 import pytest
@@ -45,7 +47,7 @@ class Film:
         sides = [str(self.folder / side) for side in ("left", "right")]
         empty = [str(self.folder / f"empty-{side}") for side in ("left", "right")]
         return ["track", "--cameras", f"{self.folder}/cameras.toml", "--left", sides[0], "--right", sides[1],
-                "--background", *empty, "--fps", "30", *map(str, more), "--json"]  # fmt: skip
+                "--background", *empty, "--fps", "30", *map(str, more)]  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -82,13 +84,7 @@ def bare(film) -> Path:
 @pytest.fixture
 def run(capsys):
     """run(*command) -> the summary."""
-
-    def called(*command: object) -> dict:
-        capsys.readouterr()
-        assert main([*map(str, command), *(["--json"] if "--json" not in command else [])]) == 0
-        return json.loads(capsys.readouterr().out)
-
-    return called
+    return partial(commands.run, capsys)
 
 
 @pytest.fixture

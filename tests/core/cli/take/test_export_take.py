@@ -1,11 +1,11 @@
 """`perfanim take` and solving recorded takes: as live, with another calibration, of cut files."""
 
-import json
 from collections import deque
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from commands import run
 from perfanim.core.body.clock import poses_at
 from perfanim.core.body.pose_notes import NoteKind, PoseNote
 from perfanim.core.body.scene_pose import ScenePose
@@ -63,12 +63,6 @@ def recorded(tmp_path_factory, true_markers, subject, database, stage_rig, recor
         writer.close()
     save_rig(stage_rig, folder / "rig.toml")
     return folder / "walk.perftake"
-
-
-def run(capsys, *line):
-    """Run a command and return its JSON."""
-    assert main([*map(str, line), "--json"]) == 0
-    return json.loads(capsys.readouterr().out)
 
 
 def test_info(recorded, capsys):

@@ -5,10 +5,10 @@ import struct
 
 import numpy as np
 import pytest
+from commands import run
 from perfanim.core.body.motion import Motion
 from perfanim.core.body.motion_metrics import evaluate
 from perfanim.core.cli import vmc_command
-from perfanim.core.cli.main import main
 from perfanim.core.formats.markers.marker_files import read_take, write_take
 from perfanim.core.formats.motion.bvh import write_bvh
 from perfanim.core.formats.motion.read_motion import read_motion
@@ -35,12 +35,6 @@ NEAR_M = 0.005
 MOTIONS = ("bvh", "angles.csv", "vrma")
 MARKERS = ("c3d", "trc", "csv")
 SEEDS = [*range(10), *(pytest.param(seed, marks=pytest.mark.long) for seed in range(10, 50))]
-
-
-def run(capsys, *line):
-    """Run a command and return its JSON."""
-    assert main([*map(str, line), "--json"]) == 0
-    return json.loads(capsys.readouterr().out)
 
 
 def check_duration(series, frames, fps):

@@ -1,9 +1,8 @@
 """Takes of two performers: both solved, kept, exported."""
 
-import json
-
 import numpy as np
 import pytest
+from commands import run
 from perfanim.core.body.motion import sliced
 from perfanim.core.body.motion_metrics import evaluate
 from perfanim.core.cli.main import main
@@ -38,11 +37,6 @@ def partner(subject, tmp_path):
     path = tmp_path / "partner.toml"
     save_subject(subject, path)
     return path
-
-
-def run(capsys, *line):
-    assert main([*map(str, line), "--json"]) == 0
-    return json.loads(capsys.readouterr().out)
 
 
 def test_a_performer_named_later_is_found_in_what_was_recorded(recorded, partner, truth, subject, tmp_path, capsys):

@@ -1,10 +1,10 @@
 """Takes of a performer with a sword: solved again with it, and where it was as a table."""
 
 import csv
-import json
 
 import numpy as np
 import pytest
+from commands import run
 from perfanim.core.cli.main import main
 from perfanim.core.database.store import identity
 from perfanim.core.formats.take_file.take_reader import read_take_file
@@ -36,11 +36,6 @@ def recorded(tmp_path_factory, record, true_markers, subject, database, sword_po
         path, TakeSetup.of(film.rig, (subject,), {}, identity(database), {}), TakeNotes("Walk"), frames, []
     )
     return path
-
-
-def run(capsys, *line):
-    assert main([*map(str, line), "--json"]) == 0
-    return json.loads(capsys.readouterr().out)
 
 
 def check_table(path, sword_poses):
