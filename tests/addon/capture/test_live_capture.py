@@ -288,7 +288,7 @@ def test_image_folders_are_captured_to_their_end(
     part: Any, chosen: Any, new_capture: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     source = open_simulated({"kind": "simulated", "behaviour": "walking", "seconds": 3.0, "height_m": 1.75})
-    count = 60
+    count = 30
     for number in range(200, 200 + count):
         for side, image in zip(("left", "right"), source.frame(number).images, strict=True):
             (tmp_path / side).mkdir(exist_ok=True)

@@ -48,7 +48,6 @@ def test_the_body_follows_edits(part: Any, keyed: bpy.types.Object, walk: Motion
 
 
 def test_live_follows_edits_of_a_path_and_keeps_what_only_other_frames_tell(part: Any, keyed: bpy.types.Object) -> None:
-    solve(part)
     controls, scene = part("sketch.controls"), bpy.context.scene
     found = controls.controls_of(keyed)
     for joint in ("lfoot", "rfoot", "rhand"):
@@ -80,7 +79,6 @@ def test_live_follows_edits_of_a_path_and_keeps_what_only_other_frames_tell(part
 
 def test_a_handle_is_an_edit(part: Any, keyed: bpy.types.Object) -> None:
     hand = drawn_hand(part, keyed)
-    solve(part)
     with played_live(part) as live:
         play(part)
         key = curves_of(hand)[2].keyframe_points[1]
