@@ -18,7 +18,7 @@ def standing(skeleton, positions):
 
 
 def test_feet_that_slide_at_a_known_speed(truth):
-    """A body that is pushed along at 30 cm/s slides at that; lifted by half the height that counts, at less."""
+    """A body that is pushed along at 50 cm/s slides at that; lifted by half the height that counts, at less."""
     along = np.linspace([0.0, 1.0, 0.0], [0.6, 1.0, 0.8], 101)  # a metre in two seconds
     assert foot_skate_cm_s(standing(truth.skeleton, along)) == pytest.approx(50.0)
     assert foot_skate_cm_s(standing(truth.skeleton, np.tile([0.0, 1.0, 0.0], (20, 1)))) == 0.0
