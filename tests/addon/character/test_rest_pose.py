@@ -12,7 +12,7 @@ from perfanim.core.errors import FormatError
 from perfanim.perfanim_addon.capture.armature_driver import ArmatureDriver
 from perfanim.perfanim_addon.export.retarget_file import open_file, retarget_file
 
-MOTION = clip("walking-01-neutral", 40)
+MOTION = clip("walking-01-neutral", 20)
 
 
 def shown(path: Path, form: str = ".blend") -> tuple[np.ndarray, np.ndarray]:

@@ -1,4 +1,5 @@
 import json
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 
@@ -42,10 +43,17 @@ def where(number: float) -> np.ndarray:
     return BODY + np.array([0.02 * number - 0.2, 0.005 * number, -2.5])
 
 
+@pytest.fixture(scope="module")
+def filmed(tmp_path_factory) -> Path:
+    folder = tmp_path_factory.mktemp("filmed")
+    studio(folder)
+    return folder
+
+
 @pytest.fixture
-def folder(tmp_path) -> Path:
-    studio(tmp_path)
-    return tmp_path
+def folder(filmed, tmp_path) -> Path:
+    """A copy of the studio, to write into."""
+    return shutil.copytree(filmed, tmp_path, dirs_exist_ok=True)
 
 
 def arguments(folder: Path, *more: str) -> list[str]:
