@@ -25,7 +25,7 @@ def test_the_defaults_capture_a_new_character_into_one_action(part: Any, chosen:
     bpy.context.scene.render.fps = 24
     bpy.context.scene.frame_current = 11
     with closing(new_capture(is_first=True)) as capture:
-        tick_poses(capture, 60)
+        tick_poses(capture, 30)
         character = chosen.armature
         assert character.type == "ARMATURE"
         bone = character.pose.bones["lfemur"]
@@ -45,7 +45,7 @@ def test_the_defaults_capture_a_new_character_into_one_action(part: Any, chosen:
         text = stop_and_keep(capture)
         assert capture._refinement is None  # a simulated performer's body is known
     figures, poses = capture.run.statistics, capture.run.poses
-    assert figures.handed_over == figures.received == len(poses) >= 60
+    assert figures.handed_over == figures.received == len(poses) >= 36
     assert f"{len(poses)} frames recorded" in text
     take = read_take_file(part("take_library").listed()[0].path)
     assert take.complete

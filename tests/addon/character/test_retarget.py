@@ -21,6 +21,7 @@ from perfanim.core.retarget.retargeter import RootMotion
 from perfanim.core.system.assets import MOTION
 from perfanim.perfanim_addon.capture.armature_driver import ArmatureDriver
 from perfanim.perfanim_addon.character import create_character
+from perfanim.perfanim_addon.export import stage
 from perfanim.perfanim_addon.export.export_animation import Form
 from perfanim.perfanim_addon.export.retarget_file import main as retarget_main
 from perfanim.perfanim_addon.export.retarget_file import retarget_file
@@ -113,18 +114,29 @@ def test_the_command_line_writes_a_file(mixamo_blend: Path, tmp_path: Path, caps
     write_bvh(clip("walking-01-neutral", 20), tmp_path / "walk.bvh")
     line = ["retarget", tmp_path / "walk.bvh", "--to", mixamo_blend, "--out", out, "--root-motion", "object"]
     capsys.readouterr()
-    assert main([*map(str, line), "--json", "--render", str(out.with_suffix(".png"))]) == 0
+    assert main([*map(str, line), "--json"]) == 0
     summary = json.loads(capsys.readouterr().out)
     assert summary["frames"] == 20
     assert summary["mapped"]["lfemur"] == "mixamorig:LeftUpLeg"
     assert summary["found_by"] == "names"
     assert set(summary["unmapped"]) == {"lwrist", "rwrist"} - summary["mapped"].keys()
-    assert out.with_suffix(".png").read_bytes().startswith(b"\x89PNG")
     bpy.ops.wm.open_mainfile(filepath=str(out))
-    assert {obj.name for obj in bpy.context.scene.objects} == {"Hero", "Hero body"}  # no floor or camera of the picture
     curves = curves_of(bpy.data.objects["Hero"])
     assert {curve.group.name for curve in curves} == {*summary["mapped"].values(), "Object Transforms"}
     assert "delta_location" in {curve.data_path for curve in curves}
+
+
+def test_a_picture_adds_nothing_to_the_file(
+    mixamo_blend: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(stage, "_STAGE", stage.Stage(pixels=(48, 64), samples=1))
+    write_bvh(clip("walking-01-neutral", 4), tmp_path / "walk.bvh")
+    line = ["walk.bvh", "out.blend", "--to", mixamo_blend, "--render", "out.png", "--frame", "3"]
+    monkeypatch.chdir(tmp_path)
+    assert retarget_main([*map(str, line)]) == 0
+    assert (tmp_path / "out.png").read_bytes().startswith(b"\x89PNG")
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "out.blend"))
+    assert {obj.name for obj in bpy.context.scene.objects} == {"Hero", "Hero body"}  # no floor or camera
 
 
 def test_the_character_comes_out_for_another_program_under_its_names(mixamo_blend: Path, tmp_path: Path) -> None:

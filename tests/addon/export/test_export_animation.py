@@ -146,7 +146,7 @@ def test_what_cannot_be_exported_says_why_and_leaves_nothing(performer, motion, 
 
     addon_utils.disable("io_anim_bvh")
     try:
-        with pytest.raises(FormatError, match="exporter on"):
+        with pytest.raises(FormatError, match="enable Blender's own BVH exporter"):
             export(performer, tmp_path / "run.bvh", "BVH", motion)
     finally:
         addon_utils.enable("io_anim_bvh")

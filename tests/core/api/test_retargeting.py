@@ -23,9 +23,12 @@ def asked(monkeypatch):
 
 
 def test_motion_is_handed_over_as_a_file_and_none_is_left(truth, asked, tmp_path):
-    request = perfanim.RetargetRequest("hero.glb", root_motion=RootMotion.ROOT_BONE, blender="/usr/bin/blender")
+    request = perfanim.RetargetRequest(
+        "hero.glb", picture="walk.png", frame=3, root_motion=RootMotion.ROOT_BONE, blender="/usr/bin/blender"
+    )
     assert perfanim.retarget(truth, tmp_path / "walk.blend", request) == {"mapped": 1}
-    given = [str(tmp_path / "walk.blend"), "--to", "hero.glb", "--root-motion", "root_bone"]
+    given = [str(tmp_path / "walk.blend"), "--to", "hero.glb", "--render", "walk.png", "--frame", "3"]
+    given += ["--root-motion", "root_bone"]
     assert asked == [("perfanim.perfanim_addon.export.retarget_file:main", given, "/usr/bin/blender", truth.frames)]
     assert list(tmp_path.iterdir()) == []
 
