@@ -86,8 +86,11 @@ def _shape(image: Image, row: FloatArray) -> tuple[float, Array]:
     x, y = round(float(row[0])), round(float(row[1]))
     reach = round(2.0 * float(row[2])) + 7
     left, top = max(x - reach, 0), max(y - reach, 0)
-    patch = image[top : y + reach + 1, left : x + reach + 1].max(axis=2).astype(np.float32)
-    light = patch - np.median(patch)
+    blue, green, red = np.moveaxis(image[top : y + reach + 1, left : x + reach + 1], 2, 0)
+    # several times as fast as max(axis=2) and median
+    patch = np.maximum(np.maximum(blue, green), red).astype(np.float32)
+    levels = np.sort(patch, axis=None)
+    light = patch - np.float32(0.5) * (levels[(len(levels) - 1) // 2] + levels[len(levels) // 2])
     column, line = x - left, y - top
     if not (0 <= line < light.shape[0] and 0 <= column < light.shape[1]):
         return unknown
