@@ -1,6 +1,7 @@
 """The check on webcams that others recorded in the dark: their second sequence has no fault but those put in."""
 
 from dataclasses import replace
+from functools import cache
 from itertools import islice
 
 import numpy as np
@@ -23,6 +24,7 @@ def rig(shared_dir):
 
 @pytest.fixture(scope="module")
 def moments_of(shared_dir):
+    @cache
     def read(sequence):
         patterns = [shared_dir / "two-webcams" / f"sequence{sequence}" / f"*_{side}.jpg" for side in (1, 2)]
         return [ImageSet(m.number, m.times_s, m.images) for m in islice(ImageFileSource(patterns, 30.0), 40)]

@@ -188,8 +188,9 @@ def moving(camera: CameraViews, late_s: float, seed: int) -> CameraViews:
 def test_delayed_camera_is_reported_and_costs_little(rig):
     left, right = views(rig, 20)
     pair = [moving(left, 0.0, 1), moving(right, 0.06, 2)]
+    some = [f"{k:03d}" for k in range(9)]  # for the contrast, as few as are fitted without a choice of the lens model
     blind = [
-        CameraViews(c.name, c.image_size, {k: BoardView(v.ids, v.pixels) for k, v in c.views.items()}) for c in pair
+        CameraViews(c.name, c.image_size, {k: BoardView(c.views[k].ids, c.views[k].pixels) for k in some}) for c in pair
     ]
     result = calibrate_from_points(BOARD.points_m, pair, ambiguous=True)
     assert result.late_s["left"] == 0.0
