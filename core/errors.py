@@ -32,7 +32,7 @@ def fit_sentence(text: str, most: int) -> str:
     text = printable(text)
     for found in sorted(_LIST.findall(text), key=len, reverse=True):
         items = found.split(", ")
-        kept = min(len(items), most)  # more than this never fits
+        kept = min(len(items), most)  # more items than characters never fit
         while len(text) > most and kept > 2:
             kept -= 1
             shorter = f"{', '.join(items[:kept])} and {len(items) - kept} more"

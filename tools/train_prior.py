@@ -24,7 +24,7 @@ _BATCHES = 60  # number of batches used to measure the errors on unseen people
 _LEAST_EIGENVALUE = 1e-3  # smallest eigenvalue of the correlation of the errors
 _OUTLIER = 4.0  # standard deviations beyond which errors are clipped
 _LEAST_SIGMA_RAD, _LEAST_SIGMA_M = 0.02, 0.003
-_OPEN_SIGMA_RAD = 0.2  # for entries that do not vary
+_OPEN_SIGMA_RAD = 0.2  # for entries of the pose that hardly vary in the recordings
 _PLACED = 6  # number of outputs for the root
 
 

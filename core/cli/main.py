@@ -91,7 +91,7 @@ def _add_json_option(parser: argparse.ArgumentParser) -> None:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command and return its exit status."""
-    # or C libraries would write into the next file that gets the descriptor of a closed stream
+    # otherwise C libraries would write into the next file that gets a closed stream's descriptor
     sys.stdout = sys.stdout or Path(os.devnull).open("w", encoding="utf-8")  # noqa: SIM115 - open until the end
     sys.stderr = sys.stderr or Path(os.devnull).open("w", encoding="utf-8")  # noqa: SIM115 - open until the end
     try:

@@ -38,7 +38,7 @@ def root_bone(rest: ArmatureRest, hips: int) -> int:
 def driven_bones(
     skeleton: Skeleton, rest: ArmatureRest, joints: dict[str, int], turns: dict[str, Array]
 ) -> list[DrivenBone]:
-    """Return all bones that joints turn, parents first."""
+    """Return all bones driven by the skeleton's joints, parents first."""
     driven: dict[int, DrivenBone] = {}
     for joint, bone in joints.items():
         index = skeleton.index(joint)

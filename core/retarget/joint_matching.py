@@ -69,7 +69,7 @@ def _limbs(named: _NamedBones, side: str) -> dict[str, int]:
         if bone >= 0 and not (joint == "wrist" and named.first(("hand",), side, taken) < 0):
             limb[joint] = bone
             taken.add(bone)
-    if "humerus" not in limb and "clavicle" in limb:  # the only bone called shoulder
+    if "humerus" not in limb and "clavicle" in limb:  # a single bone called shoulder is the upper arm
         limb["humerus"] = limb.pop("clavicle")
     return limb
 
@@ -144,5 +144,5 @@ def _topmost(tree: BoneTree, top: int, arms: list[int]) -> int:
         if not children or (found >= 0 and not named and len(children) != 1):
             return found
         if found >= 0 and not named and parsed[found].words in ("spine", *HEAD_WORDS):
-            return found  # the face's bones are below the head
+            return found  # what follows are bones of the face
         bone = found = (named or children)[0]

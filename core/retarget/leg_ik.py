@@ -19,7 +19,7 @@ class LegSettings:
 
     ball_above_sole: float = 0.029  # height of the ball of a standing foot above the floor, in leg lengths
     reach: float = 0.9995  # largest stretch of a leg, in leg lengths
-    softness: float = 0.005  # width over which the lowering sets in smoothly, in leg lengths
+    softness: float = 0.005  # range over which the lowering sets in smoothly, in leg lengths
     standing_cosine: float = 0.75  # cosine between leg and vertical above which the hips are lowered fully
     raised_cosine: float = 0.45  # cosine below which the hips are not lowered
     hinge: float = 0.05  # weight of the knee's hinge axis in the normal of the leg's plane, for straight legs
@@ -113,9 +113,9 @@ def _plan_leg(
     if side + "toes" in joints:
         to_ball = rot.rotate(alignment.turns[side + "foot"], heads[joints[side + "toes"]] - heads[foot])
     lengths = [float(np.linalg.norm(heads[b] - heads[a])) for a, b in ((femur, tibia), (tibia, foot))]
-    # height of the ball of a planted foot above the performer's, by which ankle and hips are raised, too
+    # the character's ball is this much higher than the performer's when planted; ankle and hips are raised by it, too
     ball_up = float(heads[foot, 1] + to_ball[1]) - _SETTINGS.ball_above_sole * sum(lengths)
-    # the hinge points to the left, down x back, because knees bend the shank backwards
+    # the hinge points to the left (down x back), because knees bend the shank backwards
     hinge = np.cross(thigh, [0.0, 0.0, -1.0])
     leg = _Leg(
         joints=tuple(skeleton.index(side + name) for name in ("femur", "tibia", "foot")),

@@ -127,8 +127,8 @@ def plan_retarget(
 
     Args:
         root_motion: Desired receiver; the root bone is the topmost bone above the hips.
-        ancestors: Bone (B,) that each bone follows, -1 for none; needed if constraints make a bone follow another one
-            than its parent.
+        ancestors: Bone (B,) that each bone follows, -1 for none; needed if constraints make a bone follow a bone
+            other than its parent.
         same_body: The character has the performer's proportions: no inverse kinematics, and hands and feet keep their
             directions.
 

@@ -218,7 +218,7 @@ def _skeleton_of(
     usual_size = sum(float(np.linalg.norm(default.offsets_m[default.index(name)])) for name in _SIZED)
     scale = sum(lengths[name] for name in _SIZED) / usual_size
     offsets = scale * default.offsets_m
-    placed: set[int] = set()  # the hand decides about a missing wrist, and comes before the thumb
+    placed: set[int] = set()  # a missing wrist is placed with the hand, which comes before the thumb
     for name, link in links.items():
         path = [default.index(joint) for joint in (*_missing_between(name, found), name)]
         usual = np.linalg.norm(np.sum(default.offsets_m[path], axis=0))

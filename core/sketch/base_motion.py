@@ -1,8 +1,8 @@
 """Motion between the keys, composed of the chosen windows of the database.
 
 Each window's motion is corrected by a ridge regression over similar windows, which relates changes of the poses to the
-controls' positions. All windows together decide when a keyed foot is planted, weighted by how near their foot is to the
-keys, because a single window often steps at another time. Windows are then blended where stretches meet.
+controls' positions. All windows together decide when a keyed foot is planted, weighted by how near the window's foot is
+to the keys, because a single window often steps at another time. Windows are then blended where stretches meet.
 """
 
 from collections.abc import Sequence
@@ -24,7 +24,7 @@ class BaseMotionSettings:
     closest: int = 32  # number of windows in the regression
     sigma_m: float = 0.05  # standard deviation of a control's position
     farthest: float = 4.0  # largest distance for which the regression is trusted, in standard deviations
-    frames: int = 5  # frames of a window at which bodies are compared
+    frames: int = 5  # number of frames of a window at which bodies are compared
     foot_sigma_m: float = 0.06  # standard deviation of a foot's position at its keys
     root_weight: float = 0.6  # weight of the root relative to the foot itself
     other_foot_weight: float = 0.4  # weight of the other foot relative to the foot itself

@@ -34,9 +34,9 @@ class TargetSettings:
     grip_s: float = 0.03  # sigma for smoothing the targets' standard deviations: a sudden contact would shake the body
     steadied_s: float = 0.02  # sigma for smoothing the fraction of examples in which a foot is planted
     loosened_s: float = 0.3  # time in which a control becomes loose before its first key and after its last
-    # distances of the controls from the database's motion at which the root begins to turn, and turns fully
+    # distances of the controls from the database's motion at which the root starts to turn, and at which it turns fully
     turned_m: tuple[float, float] = (0.25, 0.5)
-    limbs_m: float = 0.15  # distance to the targets that is left to the limbs when the root is moved
+    limbs_m: float = 0.15  # distance to the targets that the limbs cover; the root covers the rest
     bent_m: float = 0.15  # distance of a key from the database's motion that halves the motion's effect around the key
     lowest_hips_m: float = 0.2  # height of the hips in a deep crouch; below it, feet without keys follow the hips
 

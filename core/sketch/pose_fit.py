@@ -93,7 +93,7 @@ class PoseFit:
         limits = np.stack((np.minimum(self._limits[0], flat), np.maximum(self._limits[1], flat)), axis=1)
         flat, left = flat.copy(), np.arange(len(flat))
         for number in range(settings.rounds + 1):
-            if number == settings.rounds:  # frames that are stuck start once more from the nearest that is not
+            if number == settings.rounds:  # frames that are stuck restart from the nearest fitted frame
                 free = np.setdiff1d(np.arange(len(flat)), left)
                 if not len(free):
                     break

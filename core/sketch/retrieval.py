@@ -295,7 +295,7 @@ def _state(library: MotionLibrary, windows: Windows, time_s: float) -> Array:
 
 
 def shown_at(library: MotionLibrary, windows: Windows, times_s: Array, columns: Sequence[int] | IntArray) -> Array:
-    """Return positions (K, 3 N) of joints (N,) that windows have at times (N,), metres."""
+    """Return the positions (K, 3 N), metres, of joints (N,) at times (N,) in each of K windows."""
     frames = windows.starts[:, None] + np.round(times_s * windows.rates[:, None] * library.fps).astype(np.int64)
     planar = windows.turns[:, None] * library.planar[frames, columns] + windows.shifts[:, None]
     return np.concatenate((planar.real, planar.imag, library.heights_m[frames, columns]), axis=1)

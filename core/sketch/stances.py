@@ -19,7 +19,7 @@ from .key_interpolation import curve_positions
 
 @dataclass(frozen=True)
 class StanceSettings:
-    """Settings for the stances; the planted fraction is that of the examples in which the foot is planted."""
+    """Settings for the stances; the planted fraction is the share of the examples in which the foot is planted."""
 
     stands: float = 0.5  # planted fraction above which a foot is planted
     # smallest mean planted fraction with which one stance spans two keys; between other keys, the foot steps while the
@@ -30,7 +30,7 @@ class StanceSettings:
     stayed_m_s: float = 0.1  # largest mean speed between two keys in one stance
     ankles_m: float = 0.1  # largest horizontal distance between the ankles at two keys of a stance on the toes
     length_m: float = 0.015  # largest error of the foot's length in a stance
-    # largest distance of the desired toes from the stance's: usually, and if the planted fraction reaches `most_stand`
+    # largest distance of the desired toes from the stance's: normally, and if the planted fraction reaches `most_stand`
     toes_m: tuple[float, float] = (0.03, 0.05)
     step_m_s: float = 2.0  # mean speed of a step
     shortest_step_s: float = 0.07
@@ -38,10 +38,10 @@ class StanceSettings:
     fastest_m_s: float = 5.0  # largest speed from one stance to the next
     stride_m: float = 0.6  # smallest distance between two keys that takes several steps
     stride_s: float = 1.2  # shortest time between two such keys
-    slow_m_s: float = 0.5  # a foot that is planted between those steps is slower than this
+    slow_m_s: float = 0.5  # largest speed of a foot that is planted between those steps
     shortest_contact_s: float = 0.05  # shortest contact that counts
     contact_s: float = 0.13  # duration to which shorter contacts are extended, if they count
-    moving_s: float = 0.01  # planted fraction that counts as much as a metre per frame when a step is placed
+    moving_s: float = 0.01  # planted fraction that weighs as much as a toe speed of 1 m per frame when a step is placed
     clear_m: float = 0.025  # height of the toes above the ground during a step
     lifted_s: float = 0.1  # time from lift-off until this height is reached
     lifted_m_s: float = 1.0  # speed from which this height is reached; slower feet stay lower
@@ -173,7 +173,7 @@ def toes_place(ankles_m: Array, toes_m: Array, lengths_m: Array) -> Array:
 
 
 def _toes_on_floor(foot: Foot, own: IntArray, inside: IntArray) -> Array:
-    """Return the desired toes (K, 3) in frames of a stance, turned about the ankles onto a floor nearby."""
+    """Return the desired toes (K, 3) in frames of a stance, turned about the ankles onto the floor if near it."""
     toes, ankles, lengths_m = foot.wanted_toes_m[own], foot.wanted_ankle_m[own], foot.length_m[own]
     way, low_m = toes - ankles, foot.toes_m[inside, 1].min()
     down_m, ahead_m = low_m - ankles[:, 1], np.hypot(way[:, 0], way[:, 2])
@@ -274,7 +274,7 @@ def _step(share: Array, speeds_m: Array, shortest: int, least: float) -> tuple[i
     if len(share) < 4:
         return 1, max(1, len(share) - 1)
     ones = np.ones(min(shortest, len(share) - 2))
-    counts = np.convolve(share - SETTINGS.moving_s * speeds_m, ones, mode="valid")[1:-1]  # both keys are kept
+    counts = np.convolve(share - SETTINGS.moving_s * speeds_m, ones, mode="valid")[1:-1]  # no step includes a key
     begin = 1 + int(np.argmin(counts)) if len(counts) else 1
     stop = begin + len(ones)
     while begin > 0 and share[begin - 1] <= least:

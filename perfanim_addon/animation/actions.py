@@ -37,7 +37,7 @@ def scene_fps(scene: bpy.types.Scene) -> float:
 
 @contextmanager
 def present_frame(scene: bpy.types.Scene) -> Iterator[None]:
-    """Restore the current frame at the end."""
+    """Restore the scene's current frame on exit."""
     frame, part = scene.frame_current, scene.frame_subframe
     try:
         yield

@@ -73,7 +73,7 @@ class Recording:
         self.over, self.seconds_left, self._stop = True, 0, len(poses)
 
     def recorded(self, poses: Sequence[ScenePose]) -> list[ScenePose]:
-        """Select the recorded poses of a capture."""
+        """Return those poses of a capture that belong to the recording."""
         kept = list(poses[self._first : self._stop]) if self.begun else []
         if kept and self._length_s:
             end_s = kept[0].time_s + self._length_s

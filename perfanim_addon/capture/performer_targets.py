@@ -93,5 +93,5 @@ def add_character(context: bpy.types.Context, skeleton: Skeleton) -> str:
 
 
 def _is_in_scene(armature: bpy.types.Object | None) -> bool:
-    """Return False for a deleted armature that is only kept in the file by a setting."""
+    """Return whether an armature is in a scene; a setting keeps even a deleted one in the file."""
     return armature is not None and bool(armature.users_scene)

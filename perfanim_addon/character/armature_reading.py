@@ -166,7 +166,7 @@ def followed_bones(context: bpy.types.Context, armature_object: bpy.types.Object
                 if other != index and abs(steps[index].dot(step)) > np.cos(0.5 * LIMITS.same_rotation_rad):
                     led[other].append(index)
     for index, name in enumerate(bones):
-        if led[index]:  # of the bones that rotate it, the one that most others rotate as well is the nearest
+        if led[index]:  # the nearest of the bones that rotate it is itself rotated by the most bones
             found[place[name]] = place[bones[max(led[index], key=lambda other: len(led[other]))]]
     return found
 
@@ -209,5 +209,5 @@ def delta_transforms(
     own = np.array(armature_object.rotation_quaternion, dtype=np.float64)
     scale = np.array(armature_object.scale, dtype=np.float64)
     scaled = np.asarray(locations, dtype=np.float64) * scale
-    turned = np.asarray(rotations, dtype=np.float64) * np.append(1.0, np.sign(scale))  # two negative: half a turn
+    turned = np.asarray(rotations, dtype=np.float64) * np.append(1.0, np.sign(scale))  # two mirrored axes: half a turn
     return rot.multiply(rot.multiply(own, turned), rot.conjugate(own)), rot.rotate(own, scaled)

@@ -59,7 +59,7 @@ def _placement(armature_object: bpy.types.Object) -> Matrix | None:
     top, bones = _top(armature_object), armature_object.pose.bones
     rotation = np.array((top.matrix @ top.bone.matrix_local.inverted()).to_quaternion().to_matrix())
     if any(bone.matrix_basis.to_quaternion().angle > _LIMITS.still_rad for bone in bones if bone != top):
-        rotation = _quarters(rotation)  # the rest is lean and turn from an animation
+        rotation = _quarters(rotation)  # what remains is a lean and a turn from an animation
     scale = own_scale(top)
     in_scene = np.array(armature_object.matrix_world.to_3x3())
     heads = scale * np.array([bone.bone.head_local for bone in bones])

@@ -13,8 +13,8 @@ from ...core.retarget.displayed_joint_names import naming_of
 def exported_bone_names(armature_object: bpy.types.Object, bones: Mapping[str, str], naming: str) -> Iterator[None]:
     """Rename bones for another program, and restore their names afterwards; CharacterError for bones from another file.
 
-    Blender renames vertex groups, animation and constraints as well. A bone without a joint whose name is needed gets a
-    temporary "_" at its end.
+    Blender renames vertex groups, animation and constraints as well. If a bone without a joint has one of the
+    new names, "_" is appended to its name temporarily.
     """
     data = armature_object.data
     if data.library is not None or data.override_library is not None:

@@ -240,7 +240,7 @@ class PERFANIM_OT_live_sketch(RunningOperator, bpy.types.Operator):
 
 
 def _behaviours_in(database: Path) -> list[str]:
-    """Return a database's behaviours, those with the same first word after that word.
+    """Return the names of a database's behaviours in order, each group with the same first word after that word.
 
     Raises:
         PerfanimError: The database is damaged.

@@ -70,7 +70,7 @@ class PERFANIM_PG_sketch(bpy.types.PropertyGroup):
         return SketchSettings(self.follow, names, self.variation, self.hold_feet)
 
     def take_over(self, chosen: SketchSettings) -> None:
-        """Set the settings of a stored sketch."""
+        """Copy the settings of a stored sketch into the panel."""
         self.follow, self.variation, self.hold_feet = chosen.follow, chosen.variation, chosen.hold_feet
         self.behaviours = ", ".join(name.removesuffix("*") for name in chosen.behaviours)
 

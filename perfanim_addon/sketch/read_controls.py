@@ -108,7 +108,7 @@ def _is_too_long(frames: list[int]) -> bool:
 def _keys_along(
     context: bpy.types.Context, control: bpy.types.Object, curves: list[bpy.types.FCurve], dragged: bool
 ) -> Keys | None:
-    """Return what `_keys` does, for a control with a parent or constraints: keys of any channel count."""
+    """Return the same as `_keys` for a control with a parent or constraints; keys in all channels count."""
     followed = followed_bone(control)
     frames = _binding(curves if followed is None else curves_that_move(*followed))
     if not frames:

@@ -1,7 +1,7 @@
 """Benchmarks: the paper's tables and figures, and ours, on motion that is not in the databases.
 
-Each benchmark is a module with a function of the same name. It takes a `Run` (where to read and write, and processes)
-and returns the contents of its JSON file.
+Each benchmark is a module with a function of the same name. It takes a `Run` (its folders, and the number of
+processes) and returns the contents of its JSON file.
 """
 
 import sys

@@ -1,7 +1,7 @@
-"""Accuracy of the default settings compared with other methods, from known people to another studio.
+"""Accuracy of the default settings compared with other methods, from known people to another studio's takes.
 
-Each take is solved live and offline from exact and from disturbed markers. The learned prior is one of those beside the
-databases (motion_prior*.npz) that was not trained on the performer.
+Each take is solved live and offline from exact and from disturbed markers. The learned prior is one from the
+databases' folder (motion_prior*.npz) that was not trained on the performer.
 """
 
 import re
@@ -64,7 +64,7 @@ _KINDS = {
     "86_01": ("kick", "jump|kick|box"),
 }
 _QUICK_METHODS = ("nearest", "best", TUNED)
-_FRAMES, _QUICK_FRAMES = 240, 120  # frames per take, so that all takes need an hour, or ten minutes
+_FRAMES, _QUICK_FRAMES = 240, 120  # frames per take, full and quick: all takes need an hour, or ten minutes
 _MOMENTS = (0.2, 0.4, 0.6, 0.8)  # positions in a take that are pictured, as shares
 _PLOTTED = ("nearest", LIVE, OFFLINE, BASELINE, TUNED)
 _MEASURES = (*MEASURES, "foot_skate_truth_cm_s")
@@ -83,7 +83,7 @@ class Case:
 
     @property
     def of(self) -> dict[str, str]:
-        """Return the columns that identify it in tables."""
+        """Return the columns that identify the case in tables."""
         return {"condition": self.condition, "take": self.take.title}
 
     def database_of(self, baseline: Baseline) -> Path:
@@ -107,8 +107,8 @@ class _Solved(NamedTuple):
 def accuracy(run: Run, baseline: Path | None = None, quick: bool = False) -> dict[str, Any]:
     """Solve takes with every method under every condition.
 
-    Takes of unseen kinds keep the performer's other clips. `live` and `offline` are the default settings;
-    the methods are all live, without the learned prior.
+    For an unseen kind of motion, the performer's clips of other kinds stay in the database. `live` and `offline` are
+    the default settings; the methods are all live, without the learned prior.
 
     Args:
         baseline: Folder of another version, which solves the same takes with its own databases of the same motion.
@@ -169,7 +169,7 @@ def cases_of(run: Run, frames: int) -> Iterator[Case]:
 
 
 def _databases(run: Run, whole: Database, take: Take) -> dict[str, Database]:
-    """Return the CMU database for each condition; without other clips of the subject, an unseen clip is unseen."""
+    """Return the CMU database for each condition; unseen clips are left out if the subject has no other clips."""
     kind, words = _KINDS[take.trial]
     unseen, clip_unseen = run.without_subject(whole, subject_of(take.trial)), run.without_tests(whole)
     kind_unseen = run.without_tests(

@@ -23,11 +23,11 @@ class _Bench(NamedTuple):
 _BENCHES = {
     "vision": _Bench("centres and points against the truth of the simulated cameras", ""),
     "table1": _Bench("frames that the search visits, and its error"),
-    "figure5": _Bench("error of models of pose by their dimension"),
-    "end-to-end": _Bench("recorded motion filmed by simulated cameras and solved, beside true markers"),
+    "figure5": _Bench("error of pose models by their dimension"),
+    "end-to-end": _Bench("recorded motion filmed by simulated cameras and solved, compared with true markers"),
     "figure6": _Bench("nearest, lwr, local-pca and best frame by frame"),
     "accuracy": _Bench(
-        "live and offline beside other methods: unseen clips, people, kinds of motion and studios",
+        "live and offline compared with other methods: unseen clips, people, kinds of motion and studios",
         options=("quick", "baseline"),
     ),
     "robustness": _Bench(
@@ -38,23 +38,23 @@ _BENCHES = {
         options=("suits", "baseline"),
     ),
     "marker-takes": _Bench(
-        "every marker take of a folder, solved without any setting: suit, coverage, fit, verdict, picture",
+        "every marker take of a folder, solved without any settings: suit, coverage, fit, verdict, picture",
         "folder of c3d/ and trc/",
         ("frames", "only-takes"),
     ),
     "unknown-labels": _Bench(
-        "suits whose labels, or those of the arms, are drawn by chance: labels, bones, wrists, distances, verdict",
+        "suits whose labels, or those of the arms, are drawn at random: labels, bones, wrists, distances, verdict",
         options=("suits", "seed", "frames", "only-takes"),
     ),
     "label-faults": _Bench(
-        "faults of labels put into takes at random places: found, limbs when solved, false alarms", options=("seed",)
+        "label faults put into takes at random: how many are found, limbs when solved, false alarms", options=("seed",)
     ),
     "published": _Bench("trials and measures of published work on sparse inputs", options=("momentum", "suits")),
-    "sketch": _Bench("a body from keys of eight takes, with five and with three controls"),
-    "joint-angles": _Bench("joint angles of the embedded motion beside those of people"),
-    "speed": _Bench("time of detection, of two streams to labelled points, of solve and import"),
+    "sketch": _Bench("bodies solved from the keys of eight takes, with five and with three controls"),
+    "joint-angles": _Bench("joint angles of the embedded motion compared with those of people"),
+    "speed": _Bench("time for detection, from two streams to labelled points, for solving and for the import"),
     "scale": _Bench("time to open, search and solve, and the error, by the size of the database", options=("full",)),
-    "start": _Bench("time to the first pose, and to the next after a killed solver; memory", "", ("runs", "database")),
+    "start": _Bench("time to the first pose, and to the next after its solver dies; memory", "", ("runs", "database")),
     "latency": _Bench(
         "time from images in hand to the bones, stage by stage; needs bpy",
         "",
@@ -64,7 +64,7 @@ _BENCHES = {
     "setup-check": _Bench("faults that the check before a capture finds in random studios", "", ("studios", "seed")),
 }
 _OPTIONS: dict[str, dict[str, Any]] = {
-    "quick": {"action": "store_true", "help": "fewer methods, frames and disturbances, a quarter of an hour"},
+    "quick": {"action": "store_true", "help": "fewer methods, frames and disturbances: takes a quarter of an hour"},
     "full": {"action": "store_true", "help": "the largest sizes, for hours (robustness) or with 5 GB of disk (scale)"},
     "only": {"nargs": "+", "choices": PARTS, "metavar": "PART", "help": "one or more of " + ", ".join(PARTS)},
     "frames": {
@@ -73,16 +73,16 @@ _OPTIONS: dict[str, dict[str, Any]] = {
         "help": "solve up to N frames, from the middle of each take (default: all)",
     },
     "only-takes": {"nargs": "+", "metavar": "TEXT", "help": "only takes with one of these texts in their path"},
-    "seed": {"type": int, "metavar": "N", "help": "of all that is drawn by chance"},
+    "seed": {"type": int, "metavar": "N", "help": "seed for everything that is random"},
     "suits": {"type": Path, "metavar": "DIR", "help": "folder that holds c3d/ and trc/ (default: that of --data)"},
-    "momentum": {"type": Path, "metavar": "PYTHON", "help": "a Python with pymomentum-cpu, to solve full suits beside"},
+    "momentum": {"type": Path, "metavar": "PYTHON", "help": "a Python with pymomentum-cpu, to solve full suits, too"},
     "baseline": {"type": Path, "metavar": "CHECKOUT", "help": "another version's folder, which solves the same takes"},
-    "runs": {"type": int, "metavar": "N", "help": "captures of each database (default 10)"},
+    "runs": {"type": int, "metavar": "N", "help": "captures with each database (default 10)"},
     "database": {"type": Path, "metavar": "FILE", "help": "database to solve with (default: the embedded motion)"},
-    "seconds": {"type": float, "metavar": "S", "help": "of the capture that are measured (default 20)"},
+    "seconds": {"type": float, "metavar": "S", "help": "measured duration of the capture (default 20)"},
     "tick-ms": {"type": float, "metavar": "MS", "help": "interval of Blender's timer (default: the product's)"},
-    "fps": {"type": float, "metavar": "HZ", "help": "images of a camera per second (default 60)"},
-    "studios": {"type": int, "metavar": "N", "help": "of each kind (default 12)"},
+    "fps": {"type": float, "metavar": "HZ", "help": "images per camera and second (default 60)"},
+    "studios": {"type": int, "metavar": "N", "help": "studios of each kind (default 12)"},
 }
 
 

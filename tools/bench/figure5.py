@@ -20,7 +20,7 @@ from .run import Run
 from .scenarios import BANDAI, CMU
 
 DIMENSIONS = (1, 2, 3, 4, 5, 6, 7, 8, 10, 12, 15, 18, 21, 24, 27, 30, 34, 38, 42, 46, 50)
-GPLVM_DIMENSIONS = tuple(d for d in DIMENSIONS if d <= 10)  # 14 s for each
+GPLVM_DIMENSIONS = tuple(d for d in DIMENSIONS if d <= 10)  # each takes 14 s
 PCA, MIXTURE, LOCAL, STRICT, GPLVM = (
     "global PCA", "mixture of local models", "local model", "local model, own second left out", "GPLVM",
 )  # fmt: skip

@@ -25,7 +25,7 @@ from .run import Run
 from .scenarios import FILMED, LEFT_OUT, SPLIT
 from .solving import degrees_per_joint, true_subject
 
-_FRAMES = 300  # largest number of frames in a film, after the T pose
+_FRAMES = 300  # largest number of frames in a video, after the T pose
 _T_POSE_S = 0.5
 _RIGHT_M = 0.03  # largest distance of a correctly labelled marker from its true position
 
@@ -59,7 +59,7 @@ def _without(trial: str) -> Callable[[Clip], bool]:
 
 
 def film_row(filmed: Filmed, start: int, rig: CameraRig, database: Database, settings: SolveSettings) -> dict[str, Any]:
-    """Return the figures for a film from frame `start` on.
+    """Return the figures for a video from frame `start` on.
 
     `shown_true` has the true markers where both cameras show them: the rest of the loss is not caused by occlusion.
     """

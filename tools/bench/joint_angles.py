@@ -36,9 +36,9 @@ Angles = Mapping[tuple[str, str], Array]  # angles of a joint about an axis
 def joint_angles(run: Run) -> dict[str, Any]:
     """Compare medians and ranges of joint angles by kind of motion.
 
-    The recordings exclude the test takes: whoever changes the embedded motion by these rows must not know them. A
-    range extends from the 5th to the 95th percentile of frames. Angles that people hold still in recordings, such as
-    fingers and clavicles, are left out.
+    The recordings exclude the test takes: whoever tunes the embedded motion with these rows must not have seen
+    them. A range extends from the 5th to the 95th percentile of frames. Angles that people hold still in recordings,
+    such as those of fingers and clavicles, are left out.
 
     Returns:
         rows (kind, joint, axis; for people and for our clips: the median, the least and the greatest of their medians,

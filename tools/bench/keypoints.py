@@ -75,7 +75,7 @@ def _jitter_m(points_m: Array) -> float:
 
 
 def _stance(motion: Motion, truth: Motion) -> dict[str, float]:
-    """Return how far the trunk tilts from the truth's, and how far above the true ones the lower foot is, medians."""
+    """Return the medians of the trunk's tilt against the truth, and of the lower foot's height above the true one."""
     both_m = [forward_kinematics(each.skeleton, each.rotations, each.root_positions_m)[0] for each in (motion, truth)]
     names = truth.skeleton.names
     trunks = [joints_m[:, names.index("thorax")] - joints_m[:, 0] for joints_m in both_m]

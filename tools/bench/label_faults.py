@@ -25,7 +25,7 @@ from .run import Rows, Run
 from .scenarios import BANDAI, CMU, FPS, LABEL_FAULTS, LABELLED_TAKES, LABELS_CHOSEN_ON
 from .tables import groups
 
-_LEAST_M = 0.02  # smallest movement of a marker that counts as a fault; frozen feet that stand do not
+_LEAST_M = 0.02  # smallest error of a marker that counts as a fault; frozen markers of a planted foot do not
 _WILD_M = (0.05, 0.17)  # distance of wild points
 _WILD_FRAMES = 3  # most wild points in a row
 _LASTS_S = (0.1, 1.0)  # duration of exchanges and frozen stretches

@@ -83,7 +83,7 @@ class Notes:
 def latency(
     run: Run, seconds: float = 20.0, tick_ms: float | None = None, fps: float = 60.0, database: Path | None = None
 ) -> dict[str, Any]:
-    """Run all processes and measure, with poses shown immediately: calmed ones are two frames later.
+    """Run all processes and measure, with poses shown immediately: smoothed ones would come two frames later.
 
     Args:
         seconds: Duration of the capture that is measured.

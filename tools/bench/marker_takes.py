@@ -102,7 +102,7 @@ def _row(path: Path, folder: Path, pictures: Path, database: Path, frames: int |
 
 
 def _joints_mm(solved: SolvedTake, take: MarkerTake) -> float | str:
-    """Return the median distance of solved joints from the centres that the file's own program computed, "" without."""
+    """Return the median distance of solved joints from the centres in the file; "" if it has none."""
     motion, poses = solved.motion, solved.poses_of()
     rotations, roots_m = (
         np.array([pose.rotations for pose in poses]),
@@ -127,7 +127,7 @@ def middle(take: MarkerTake, frames: int | None) -> MarkerTake:
 
 
 def _picture(solved: SolvedTake) -> Image:
-    """Return poses at equal times, from the performer's front and below it from the left side."""
+    """Return a picture of poses at equal times: front views above views of the left side."""
     poses, skeleton = solved.poses_of(), solved.motion.skeleton
     colours = [_SIDES.get(name[0], _MIDDLE) for name in skeleton.names]
     columns = []

@@ -38,7 +38,7 @@ class _Solved(NamedTuple):
 
 
 def beside_momentum(run: Run, python: Path, suits: Path) -> list[dict[str, Any]]:
-    """Solve suits with both, each using all markers and a body that it fits itself.
+    """Solve suits with both solvers, each using all markers and a body that it fits itself.
 
     Args:
         python: Python interpreter with `pymomentum-cpu`.
@@ -82,7 +82,7 @@ def _both(name: str, source: Path | Motion, database: Path, python: Path) -> lis
 
 
 def _start(source: Path | Motion) -> tuple[Subject, MarkerTake]:
-    """Return the usual body with the take's marker set, without markers that are never visible, and the take."""
+    """Return the default body with the take's marker set, without markers that are never visible, and the take."""
     if isinstance(source, Motion):
         worn = load_marker_set(_SET)
         take, _ = simulate_markers(source, Subject(source.name, source.skeleton, worn))

@@ -98,7 +98,7 @@ def write_pictures(path: Path, pictures: Sequence[Picture]) -> list[Path]:
 
 
 def _draw_pose(axes: Any, motion: Motion, heading: Array) -> None:
-    """Draw a pose, seen from halfway to the front of the truth."""
+    """Draw a pose, seen from slightly beside the front of the truth."""
     skeleton = motion.skeleton
     joints, _ = forward_kinematics(skeleton, motion.rotations[0], motion.root_positions_m[0])
     angle = np.arctan2(heading[0], heading[2]) + 0.5

@@ -103,7 +103,7 @@ def published_measures(motion: Motion, truth: Motion) -> dict[str, float]:
     third = [np.linalg.norm(np.diff(each, 3, axis=0), axis=-1).mean() * truth.fps**3 / 100 for each in (mine_m, true_m)]
     velocity = np.diff(mine_m - true_m, axis=0) * truth.fps
     between = np.abs(rot.to_rotation_vector(mine) - rot.to_rotation_vector(true))
-    between = np.minimum(between, 2.0 * np.pi - between)  # two vectors on either side of half a turn
+    between = np.minimum(between, 2.0 * np.pi - between)  # vectors of nearly half a turn can be opposite
     return {
         "mpjre_deg": float(np.degrees(between.mean())),
         "mpjpe_world_mm": 1e3 * float(np.linalg.norm(mine_m - true_m, axis=-1).mean()),

@@ -33,7 +33,7 @@ def retarget(run: Run) -> dict[str, Any]:
     Returns:
         rows (character, clip, how far its arms hang in the rest pose, unmapped or doubtful bones, origin of the map,
         largest median angle between the direction of a limb and the performer's, fastest rotation of a
-        bone relative to the performer's fastest joint, speed of feet beyond the performer's while these stand),
+        bone relative to the performer's fastest joint, speed of feet beyond the performer's while these are planted),
         refused (character, reason), missed (rows that exceed a limit), outputs.
     """
     run.out.mkdir(parents=True, exist_ok=True)

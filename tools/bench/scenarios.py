@@ -110,7 +110,7 @@ SUITS = {
     "gait": "trc/BTKData/TRCSamples/Gait.trc",
     "ballet": "trc/BTKData/TRCSamples/MOTEK/ballet_reduced.trc",
 }
-# suits whose labels are drawn by chance: settings of recognition were chosen on the first ones; a file, or a trial in a
+# suits whose labels are drawn at random: settings of recognition were chosen on the first ones; a file, or a trial in a
 # marker set
 _DEVELOPMENT, _TEST = "development", "test"
 UNKNOWN_SUITS: dict[str, tuple[str, str | tuple[str, str]]] = {

@@ -211,7 +211,7 @@ def play_cut(
 
 
 def _right_markers(poses: list[PerformerPose], cut: Cut, shown: Mask) -> int:
-    """Return the share of shown markers in all frames that have their label."""
+    """Return the share of the shown markers that have their own label, over all frames."""
     away = np.linalg.norm([pose.observed_m for pose in poses] - cut.positions_m, axis=2)
     return int(np.sum((away < _RIGHT_M) & shown))
 

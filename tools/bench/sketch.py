@@ -173,7 +173,7 @@ def errors_of(drawn: Sketch, motion: Motion, truth: Motion) -> dict[str, float]:
 def _glide_cm_s(motion: Motion) -> float:
     """Return the mean horizontal speed of a motion's toes while they are on the floor.
 
-    Unlike skate, it ignores when the true foot stands, so a step at another time is not penalised.
+    Unlike skate, it ignores when the true foot is planted, so a step at another time is not penalised.
     """
     positions = forward_kinematics(motion.skeleton, motion.rotations, motion.root_positions_m)[0]
     toes = positions[:, [motion.skeleton.index(name) for name in TOES]]

@@ -107,8 +107,8 @@ def feet_errors(motion: Motion, truth: Motion) -> dict[str, float]:
     """Return how feet skate and sink if they are held as in a capture.
 
     Returns:
-        skate_beyond_cm_s: mean horizontal speed of the toes while the true ones stand, minus the truth's own; NaN if
-        they never do. toes_below_mm: how far the toes' joint or tip goes below the lowest position of the true ones.
+        skate_beyond_cm_s: mean horizontal speed of the toes while the true ones are planted, minus the truth's own; NaN
+        if they never are. toes_below_mm: how far the toes' joint or tip goes below the true ones' lowest position.
     """
     held = hold_feet(motion, "auto", None)
     errors = evaluate(held, truth)

@@ -46,7 +46,7 @@ _REFERENCE = (433_000, 60, 32)  # rows, columns, nearest
 _REFERENCE_RUNS = 15
 _DATABASE_FRAMES = 395_399
 _PAIRS, _STREAM_FPS = 480, 240.0
-_EMPTY = 30  # images of the empty room
+_EMPTY = 30  # images of the empty capture space
 _SKIPPED_S, _LEAST_S = 4.0, 3.0  # part of the performance skipped (T pose, arms down); shortest duration
 _BLOCK = 40  # pairs of images in one measurement of processor time, because the clock's steps are coarse
 _MARKERS, _MARKER_PX, _MARKER_LEVEL, _ROOM_LEVEL = 12, 3.0, 220.0, 16.0
@@ -247,7 +247,7 @@ def _recorded(truths: Sequence[Motion], path: Path) -> list[Row]:
 
 
 def _solved_frames(truth: Motion, path: Path, most: int | None = None) -> int:
-    """Return the number of solved frames of a take, at most those at its beginning."""
+    """Solve a take, or only its first `most` frames; return the number of frames."""
     take, subject = sliced(truth, 0, min(most or truth.frames, truth.frames)), true_subject(truth)
     solve_take(simulate_markers(take, subject)[0], subject, open_database(path), SolveSettings(), no_progress)
     return take.frames

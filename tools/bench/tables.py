@@ -23,7 +23,7 @@ def groups(rows: Rows, *keys: str) -> dict[tuple[Any, ...], list[Any]]:
 
 
 def mean(rows: Rows, column: str, digits: int = 4) -> float:
-    """Return the mean of a column ignoring NaN (feet that never stand have no skate); NaN if nothing is left."""
+    """Return the mean of a column ignoring NaN (feet that are never planted have no skate); NaN if nothing is left."""
     known = [row[column] for row in rows if np.isfinite(row[column])]
     return round(float(np.mean(known)), digits) if known else float("nan")
 

@@ -1,4 +1,4 @@
-"""Suits whose labels are drawn by chance, beside the same suits under their own names."""
+"""Suits with labels drawn at random, compared with the same suits under their own names."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -97,7 +97,7 @@ def _simulated(motion: Motion, worn: str, seed: int) -> MarkerTake:
 
 
 def _solved(take: MarkerTake, database: Path) -> tuple[MarkerTake, SolvedTake] | str:
-    """Return the named take and its solution, as the command without any setting makes it, or the refusal."""
+    """Return the named take and its solution, as the command without options makes it, or the refusal."""
     opened = open_database(database)
     try:
         named, worn = labelled_by(AUTO, take, opened)
@@ -141,7 +141,7 @@ def _compared(
 
 
 def _wrists_m(motion: Motion) -> Array:
-    """Return the wrists (F, 2, 3): the joints of the hands, because those called wrist twist the forearms."""
+    """Return the wrists (F, 2, 3): the joints of the hands, because the joints called wrist only twist the forearms."""
     wrists = [motion.skeleton.index(side + "hand") for side in "lr"]
     return forward_kinematics(motion.skeleton, motion.rotations, motion.root_positions_m)[0][:, wrists]
 

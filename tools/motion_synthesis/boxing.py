@@ -54,7 +54,7 @@ class _Blow:
 
     Args:
         times: Seconds for wind-up, motion to the impact and return.
-        reach: Distance of the impact in front, over the arm's length, where the style changes it.
+        reach: Distance of the impact in front, in arm lengths, if the style's amplitude changes it.
         pivot: Seconds after the start at which the foot begins to turn, its pitch, its turn.
     """
 

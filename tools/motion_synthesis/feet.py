@@ -98,7 +98,7 @@ class FootSamples:
 
     @property
     def in_contact(self) -> NDArray[np.bool_]:
-        """Mask (T,) of the times at which the foot stands."""
+        """Mask (T,) of the times at which the foot is planted."""
         return self.swing_phase < 0.0
 
 

@@ -1,4 +1,4 @@
-"""Common parts of boxers and swordsmen: a stance that moves in the space, and the end of a bout."""
+"""Common parts of boxers and swordsmen: a stance that moves within the space, and the end of a bout."""
 
 import numpy as np
 

@@ -61,7 +61,7 @@ _REPEATS = {
     "kendo": (8, 6.6),
 }  # fmt: skip
 _LONG_WALK_S = 9.6  # long enough for circles and turning round
-_TURNING_SEEDS = (1102, 1120, 1101, 1155)  # of the last walks: round by the left, a circle, and the same by the right
+_TURNING_SEEDS = (1102, 1120, 1101, 1155)  # the last walks turn to the left, walk a circle, and do both to the right
 
 
 def clips() -> list[Clip]:

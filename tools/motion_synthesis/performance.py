@@ -22,7 +22,8 @@ BEHAVIOURS: dict[str, Callable[[Timeline, float], None]] = {
     "walking": walk, "running": run, "hopping": hop, "jumping": jump, "boxing": box, "kendo": fence,
 }  # fmt: skip
 
-_DEMO_SHARES = {"walking": 3.6, "boxing": 5.0, "jumping": 3.2, "kendo": 4.8, "running": 3.2}  # shares of its duration
+# relative durations of the behaviours in the demo
+_DEMO_SHARES = {"walking": 3.6, "boxing": 5.0, "jumping": 3.2, "kendo": 4.8, "running": 3.2}
 _END_S = 1.2
 ARMS_DOWN_S = 0.9
 DEMO_STREAM = 1_000_000  # seeds from here on are the demo's, lower ones the database's

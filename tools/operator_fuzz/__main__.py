@@ -19,10 +19,10 @@ def main() -> int:
     """Run the sequences; the exit status is 1 if there were faults."""
     parser = argparse.ArgumentParser(prog="operator_fuzz", description="Random steps in Blender, with the add-on.")
     parser.add_argument("--sequences", type=int, default=1000, help="number of sequences (default 1000)")
-    parser.add_argument("--first", type=int, default=0, help="number of the first one, to repeat it (default 0)")
+    parser.add_argument("--first", type=int, default=0, help="number of the first sequence, to repeat it (default 0)")
     parser.add_argument("--seconds", type=float, default=1e9, help="end after this time (default: all sequences)")
-    parser.add_argument("--seed", type=int, default=1, help="of the steps (default 1)")
-    parser.add_argument("--window", action="store_true", help="in a window, while a capture is live; needs BLENDER")
+    parser.add_argument("--seed", type=int, default=1, help="seed of the steps (default 1)")
+    parser.add_argument("--window", action="store_true", help="run in a window, while a capture is live; needs BLENDER")
     options = parser.parse_args()
     stop, until_s = options.first + options.sequences, time.time() + options.seconds
     count = steps = faulty = 0

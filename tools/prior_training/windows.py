@@ -179,8 +179,8 @@ class WindowMaker:
     def _by_one_camera(self, generator: np.random.Generator, points: FloatArray) -> tuple[FloatArray, Mask]:
         """Return markers (G, N, L, M, 3), and those (G, N, M) that only one camera sees now.
 
-        These are off along its rays. Either they were hidden for a while before, or it is the only camera: then all are
-        off by nearly the same amount, all the time.
+        Their errors lie along that camera's rays. Either they were hidden for a while before, or there is only one
+        camera: then the errors of all markers have a part in common and change slowly.
         """
         count, windows, lags, places, _ = points.shape
         chance = generator.random(count)
@@ -230,7 +230,7 @@ def _body_frame(
 ) -> tuple[Array, Array]:
     """Return world-from-body matrices and origins, (G, N, ...).
 
-    As in `root_from_torso`: if fewer than three torso markers are visible, the last root, slightly off, is shifted.
+    As in `root_from_torso`: if fewer than three torso markers are visible, the last root is shifted, with an error.
     """
     seen = np.isfinite(points[..., 0])
     torso = seen & people.torso[:, None]

@@ -38,7 +38,7 @@ _Switch: TypeAlias = bool | None
 
 
 class Holds(Enum):
-    """Paths that a setting contains."""
+    """Kind of paths that a setting contains."""
 
     FILE = "a file"
     NAME_OR_FILE = "a name or a file"
@@ -242,7 +242,7 @@ def plan_of(sources: Sequence[str], given: Mapping[str, Value]) -> Plan:
 
 
 def _row_takes(row: Table, shared: Mapping[str, Value], folder: Path, where: str) -> list[tuple[str, TakePlan]]:
-    """Return the takes of one table, and the name that it gives, or ""."""
+    """Return the takes of one table, and the name that the table gives them, or ""."""
     found = TAKE.read(row, where)
     take, name = found.take, found.name
     own = {key: value for key, value in row.items() if key not in ("take", "name")}
