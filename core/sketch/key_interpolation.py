@@ -12,29 +12,29 @@ from ..geometry.arrays import Array
 
 
 def key_slopes(times: Array, values: Array) -> Array:
-    """Return the slopes of Blender's default curve at its keys.
+    """Return the slopes of Blender's default curves at their keys.
 
     Args:
         times: Times (K,) of the keys, strictly ascending.
-        values: Values (K,) of one channel.
+        values: Values (K, C) of all channels.
 
     Returns:
-        Changes (K,) of the value per unit of time.
+        Changes (K, C) of the values per unit of time.
     """
     if len(times) < 3:
-        return np.zeros(len(times))
-    spans = np.diff(times)
-    secants = np.diff(values) / spans
+        return np.zeros(values.shape)
+    spans = np.diff(times)[:, None]
+    secants = np.diff(values, axis=0) / spans
     # at three times the secant's slope a handle reaches the value of the next key; at an extreme handles are flat
     limits = np.sign(secants[1:]) * 3.0 * np.minimum(abs(secants[:-1]), abs(secants[1:]))
     limits[secants[:-1] * secants[1:] <= 0.0] = 0.0
     lowest, highest = np.minimum(limits, 0.0), np.maximum(limits, 0.0)
     before, after = 1.0 / spans[:-1], 1.0 / spans[1:]
     bends = 3.0 * (secants[:-1] * before + secants[1:] * after)
-    slopes = np.zeros(len(times))
+    slopes = np.zeros(values.shape)
     for _ in range(50):  # each sweep at least halves the error, because a key weighs twice as much as its neighbours
         smooth = (bends - before * slopes[:-2] - after * slopes[2:]) / (2.0 * (before + after))
-        slopes[1:-1] = np.clip(smooth, lowest, highest)
+        slopes[1:-1] = np.minimum(np.maximum(smooth, lowest), highest)
     return slopes
 
 
@@ -48,6 +48,5 @@ def curve_positions(times: Array, positions_m: Array, at: Array) -> Array:
     """
     if len(times) == 1:
         return np.repeat(positions_m, len(at), axis=0)
-    slopes = np.stack([key_slopes(times, channel) for channel in positions_m.T], axis=1)
-    curve = CubicHermiteSpline(times, positions_m, slopes, axis=0)
+    curve = CubicHermiteSpline(times, positions_m, key_slopes(times, positions_m), axis=0)
     return np.asarray(curve(np.clip(at, times[0], times[-1])))
