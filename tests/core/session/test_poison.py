@@ -185,8 +185,8 @@ def effort(session, frames, monkeypatch):
 
 def test_search_work_per_frame_is_bounded_with_ghosts(subject, database, record, true_markers, monkeypatch):
     """With a body among the ghosts, and with ghosts alone."""
-    rows, nobody = true_markers[:60], np.empty((60, 0, 3))
-    usual = effort(Session(subject, database), map(record, rows, range(60)), monkeypatch)
+    rows, nobody = true_markers[:40], np.empty((40, 0, 3))
+    usual = effort(Session(subject, database), map(record, rows, range(40)), monkeypatch)
     for bodies in (rows, nobody):
         frames = (record(np.concatenate((body, ghosts(number))), number) for number, body in enumerate(bodies))
         crowded = effort(Session(subject, database), frames, monkeypatch)

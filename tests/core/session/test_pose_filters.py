@@ -88,7 +88,7 @@ def test_poses_pass_unchanged_without_filters() -> None:
     again = [shaper.step(a_pose(number)) for shaper in [PoseFilter([skeleton], 0.0, smooth)] for number in range(9)]
     for mine, other in zip(filter_poses(list(map(a_pose, range(9))), [skeleton], 0.0, smooth), again, strict=True):
         np.testing.assert_array_equal(mine.performers[0].rotations, other.performers[0].rotations)
-    with pytest.raises(SettingsError, match="no mode"):
+    with pytest.raises(SettingsError, match="is not a mode"):
         shaper.set_settings(FilterSettings(feet="sometimes"))
 
 
