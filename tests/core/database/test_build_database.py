@@ -350,7 +350,8 @@ def test_a_damaged_skeleton_file_is_named_as_such(
     report = build_database([source], tmp_path / "a.db")
     row = next(row for row in report["skipped"] if row["file"].endswith("35_01.amc"))
     assert row["line"] is None
-    assert row["reason"] == f"the skeleton file, line {number + 1}: needs 3 numbers, has 2"
+    words = "needs 3 numbers, has 2; repair the file, or export it again"
+    assert row["reason"] == f"the skeleton file, line {number + 1}: {words}"
 
 
 def test_what_is_too_short_is_named(folder: Path, tmp_path: Path) -> None:
