@@ -1,4 +1,4 @@
-"""Changes of a body: the sizes of its parts, and its markers' offsets.
+"""Changes to a body: to the sizes of its parts and to the offsets of its markers.
 
 With fixed joint rotations, marker positions are linear in both (cf. O'Brien et al. 2000, where joint centres are linear
 in the same way).
@@ -18,12 +18,12 @@ from ..markers.subject import Subject
 
 @dataclass(frozen=True)
 class ChangeSigmas:
-    """Usual standard deviations of a body's changes."""
+    """Prior standard deviations of changes to a body."""
 
-    size: float = 0.08  # relative size of the whole body
-    part: float = 0.04  # additional relative size of a part
-    offset_m: float = 0.02  # marker relative to its usual offset
-    placed_m: float = 0.05  # the same for a marker that was placed from the motion
+    size: float = 0.08  # size of the whole body, relative
+    part: float = 0.04  # size of one part in addition, relative
+    offset_m: float = 0.02  # offset of a marker from its usual one
+    placed_m: float = 0.05  # the same for a `placed` marker, whose offset comes from the motion
 
 
 SIGMAS = ChangeSigmas()
@@ -39,7 +39,7 @@ PARTS: dict[str, tuple[str, ...]] = {
 
 
 def part_covariance(parts: int) -> Array:
-    """Return the usual covariance (P, P) of the sizes of parts: common to the whole body, plus each part's own."""
+    """Return the prior covariance (P, P) of part sizes: a variance shared by the whole body, plus one for each part."""
     return np.full((parts, parts), SIGMAS.size**2) + SIGMAS.part**2 * np.eye(parts)
 
 
@@ -53,9 +53,9 @@ def observed_positions(take: MarkerTake, marker_set: MarkerSet) -> Array:
 
 
 def linear_model(rotations: Array, subject: Subject) -> tuple[Array, Array, Array]:
-    """Return the markers' derivatives (F, M, 3, ...) with respect to part sizes and to marker offsets, and the markers.
+    """Return the derivatives of the markers with respect to part sizes and to marker offsets, and the markers.
 
-    The markers are (F, M, 3).
+    The derivatives are (F, M, 3, P) and (F, M, 3, 3 M), the markers (F, M, 3), relative to the root.
     """
     skeleton, joints = subject.skeleton, subject.marker_set.joint_indices(subject.skeleton)
     positions, world = forward_kinematics(skeleton, rotations, np.zeros(3))
@@ -75,7 +75,7 @@ def linear_model(rotations: Array, subject: Subject) -> tuple[Array, Array, Arra
 
 
 def _part_of_joint(skeleton: Skeleton) -> IntArray:
-    """Return the part (J,) of the bone that leads to each joint, or -1 for the root."""
+    """Return the index (J,) of the part to which the bone leading to each joint belongs; -1 for the root."""
     result = np.full(len(skeleton), -1, dtype=np.int64)
     for number, members in enumerate(PARTS.values()):
         for joint, name in enumerate(skeleton.names):
@@ -85,13 +85,13 @@ def _part_of_joint(skeleton: Skeleton) -> IntArray:
 
 
 def part_lengths_m(skeleton: Skeleton) -> Array:
-    """Return the total length of each part's bones."""
+    """Return the total length (P,) of the bones of each part."""
     part, lengths = _part_of_joint(skeleton), np.linalg.norm(skeleton.offsets_m, axis=1)
     return np.array([lengths[part == number].sum() for number in range(len(PARTS))])
 
 
 def sized(skeleton: Skeleton, parts: Array) -> Skeleton:
-    """Return the skeleton with the bones of each part lengthened by a relative change."""
+    """Return the skeleton with the bones of each part lengthened by relative changes (P,)."""
     part = _part_of_joint(skeleton)
     factors = np.where(part >= 0, 1.0 + parts[part], 1.0)
     offsets = skeleton.offsets_m * factors[:, None]

@@ -1,4 +1,4 @@
-"""Contradictions between the markers of a solved take and a given skeleton's bones or a marker set's offsets."""
+"""Contradictions between the markers of a solved take and the bones of a skeleton or the offsets of a marker set."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -21,19 +21,19 @@ class ContradictionSettings:
     """Settings of the check."""
 
     frames: int = 60  # number of frames, spread over the take
-    share: float = 0.1  # smallest relative change of a part's bones; correct skeletons reach 0.055
-    sigmas: float = 3.0  # largest change, in standard deviations among people; wrong labels cause larger ones
-    moved_m: float = 0.13  # no marker is worn this far from its usual position: 0.08 at most, on wands 0.126
+    share: float = 0.1  # change of a part's length above which the bones are wrong; correct skeletons reach 0.055
+    sigmas: float = 3.0  # change, in standard deviations among people, above which labels are wrong instead
+    moved_m: float = 0.13  # distance from the usual position that no worn marker has: at most 0.08, on wands 0.126
 
 
 _S = ContradictionSettings()
-_LONG = ("thighs", "shanks", "arms")  # parts whose lengths a few markers determine
+_LONG = ("thighs", "shanks", "arms")  # parts whose lengths even a few markers determine
 
 
 def contradicted_bones(poses: Sequence[PerformerPose], subject: Subject) -> str:
-    """Return in words how the bones of a take's body contradict those of its subject, or "" if they do not.
+    """Return in words how the bone lengths fitted to a take contradict the subject's, or "" if they do not.
 
-    Poses that were solved with wrong bones have absorbed part of the error, so the true difference is larger.
+    Poses solved with wrong bones have absorbed part of the error, so the true difference is larger than the one stated.
 
     Args:
         poses: Solved poses, with the markers that were used.
@@ -58,9 +58,9 @@ def contradicted_bones(poses: Sequence[PerformerPose], subject: Subject) -> str:
 
 
 def moved_markers(subject: Subject, usual: MarkerSet) -> dict[str, float]:
-    """Return how far (m) known markers are from where their set puts them, the farthest first; near ones are left out.
+    """Return the distances (m) of markers from their usual positions, the farthest first; small ones are left out.
 
-    A marker of a thigh may be anywhere along it, so movement along a bone does not count.
+    A marker may be worn anywhere along a thigh, for instance, so the distance along the bone does not count.
     """
     skeleton, places = subject.skeleton, {marker.name: marker for marker in usual.markers}
     moved = {}
@@ -79,7 +79,7 @@ def moved_markers(subject: Subject, usual: MarkerSet) -> dict[str, float]:
 
 
 def contradicted_places(moved_m: Mapping[str, float]) -> str:
-    """Return in words which of the `moved_markers` cannot be where the take shows them, or ""."""
+    """Return in words which of the `moved_markers` are too far away to be labelled correctly, or ""."""
     far = [f"{name} is {1e3 * m:.0f} mm" for name, m in moved_m.items() if m > _S.moved_m]
     labels = "the label" if len(far) == 1 else "these labels"
     return f"{', '.join(far)} away from the usual position on the body: check {labels}" if far else ""

@@ -35,14 +35,14 @@ class MotionFitSettings:
     """Settings of the fit to motion."""
 
     rounds: int = 4
-    most_frames: int = 300  # largest number of frames; more add little about the body
-    stretches: int = 6  # number of stretches, one from each of equal parts of a take, for a variety of poses
+    most_frames: int = 300  # largest number of frames used; more say little more about the body
+    stretches: int = 6  # number of equal parts of a long take, each of which supplies one stretch of frames
     fewest_frames: int = 20
-    large_m: float = 0.06  # median marker error above which frames are left out
+    large_m: float = 0.06  # median marker error above which a frame is left out
     large_sigmas: float = 3.0  # added to `large_m`, in standard deviations of the source's lasting errors
-    marker_sigma_m: float = 0.01  # marker relative to the modelled one: skin and solver
-    # factors of the usual standard deviations for keypoints: their distances gave the bones, and they lie near joints
-    keypoint_shares: tuple[float, float] = (0.1, 0.1)  # for sizes and for offsets
+    marker_sigma_m: float = 0.01  # distance of a marker from the modelled one, due to skin motion and solver
+    # factors of the prior standard deviations for keypoints, whose distances gave the bones and which lie near joints
+    keypoint_shares: tuple[float, float] = (0.1, 0.1)  # of sizes and of offsets
     independent_frames: float = 30.0  # weight of all frames together, because nearby frames repeat each other's errors
 
 
@@ -58,15 +58,15 @@ def subject_from_motion(
 
     Args:
         take: Labelled take; it need not show a held pose.
-        start: First guess of the body with the usual offsets; the fit is regularised towards it.
-        database: Database with similar motion.
+        start: First guess of the body, with the usual offsets; the fit is regularised towards it.
+        database: Database with motion like the take's.
 
     Raises:
         SubjectError: Too few frames could be explained.
         TakeError: The take lacks torso markers.
     """
     subject = fitted_body(take, start, database, progress)
-    if start.marker_set.points is PointKind.KEYPOINTS:  # their errors would be mistaken for those of bones
+    if start.marker_set.points is PointKind.KEYPOINTS:  # errors of keypoints would be mistaken for errors of the bones
         return subject
     with contextlib.suppress(SubjectError):  # the motion is unlike the database
         subject = refine_body(take, subject, database).subject
@@ -91,7 +91,7 @@ def fitted_body(take: MarkerTake, start: Subject, database: Database, progress: 
 
 
 def _telling_frames(observed: Array, torso: Mask) -> IntArray:
-    """Return the frames to fit: those that show the torso; from a long take, stretches spread over its length.
+    """Return the frames to fit: all that show the torso or, from a long take, stretches spread over its length.
 
     In each part of the take, the stretch with the most markers is chosen.
     """
@@ -109,7 +109,7 @@ def _telling_frames(observed: Array, torso: Mask) -> IntArray:
 
 
 def _refusal(used: int, torso: Array, take: MarkerTake) -> SubjectError:
-    """Return the error for a take in which only `used` frames fit."""
+    """Return the error for a take of which only `used` frames fit a body."""
     shown = int(np.sum(np.sum(np.isfinite(torso[..., 0]), axis=1) >= _TORSO))
     needed = f"but at least {SETTINGS.fewest_frames} are needed"
     if shown < SETTINGS.fewest_frames:
@@ -132,7 +132,7 @@ def frames_of(take: MarkerTake, frames: slice | IntArray) -> MarkerTake:
 
 
 def _poses(take: MarkerTake, subject: Subject, database: Database) -> tuple[Array, Mask]:
-    """Return joint rotations (F, J, 4) and a mask of well solved frames."""
+    """Return joint rotations (F, J, 4) and a mask (F,) of the well solved frames."""
     session = Session(subject, database)
     poses = [session.step(frame) for frame in take_frames(take, subject.marker_set)]
     return np.array([pose.rotations for pose in poses]), well_solved(poses, subject)
@@ -140,17 +140,17 @@ def _poses(take: MarkerTake, subject: Subject, database: Database) -> tuple[Arra
 
 def well_solved(poses: Sequence[PerformerPose], subject: Subject) -> Mask:
     """Return a mask (F,) of poses that lie close enough to their markers to tell something about the body."""
-    # the median, because single markers may be far from their usual offsets, which are still unknown
+    # the median, because single markers may be worn far from their usual positions, which is not corrected yet
     large_m = SETTINGS.large_m + SETTINGS.large_sigmas * noise_of(subject.marker_set.points).lasting_m
     return np.array([_median_m(pose) < large_m and pose.confidence > 0.0 for pose in poses], dtype=bool)
 
 
 def body_of_poses(rotations: Array, observed: Array, start: Subject, source: SourceNoise) -> Subject:
-    """Return the subject with the smallest marker error for rotations (F, J, 4)."""
+    """Return the subject that best explains observed markers (F, M, 3) in poses with rotations (F, J, 4)."""
     by_part, by_offset, modelled = linear_model(rotations, start)
     count, markers = observed.shape[:2]
     seen = np.all(np.isfinite(observed), axis=-1)
-    # the root's position is free in every frame, so only differences from the frame's mean marker count
+    # the root's position is free in every frame, so markers are compared relative to their mean in that frame
     residual = _less_mean(observed - modelled, seen).reshape(-1)
     columns = _less_mean(np.concatenate((by_part, by_offset), axis=-1), seen).reshape(count * markers * 3, -1)
     variance = SETTINGS.marker_sigma_m**2 + source.lasting_m**2
@@ -165,7 +165,7 @@ def body_of_poses(rotations: Array, observed: Array, start: Subject, source: Sou
 
 
 def _less_mean(values: Array, seen: Mask) -> Array:
-    """Return values (F, M, ...) minus the mean over visible markers, 0 for hidden ones."""
+    """Return values (F, M, ...) minus each frame's mean over the visible markers; 0 for hidden markers."""
     shown = seen.reshape(*seen.shape, *[1] * (values.ndim - 2))
     share = np.maximum(shown.sum(axis=1, keepdims=True), 1)
     mean = np.sum(values, axis=1, where=shown, keepdims=True) / share
@@ -173,7 +173,7 @@ def _less_mean(values: Array, seen: Mask) -> Array:
 
 
 def _prior(parts: int, marker_set: MarkerSet) -> Array:
-    """Return the inverse covariance of part sizes and offsets."""
+    """Return the inverse of the prior covariance of part sizes and marker offsets."""
     is_keypoints = marker_set.points is PointKind.KEYPOINTS
     of_sizes, of_offsets = SETTINGS.keypoint_shares if is_keypoints else (1.0, 1.0)
     sigmas = [of_offsets * (SIGMAS.placed_m if marker.placed else SIGMAS.offset_m) for marker in marker_set.markers]
@@ -183,7 +183,7 @@ def _prior(parts: int, marker_set: MarkerSet) -> Array:
 
 
 def _median_m(pose: PerformerPose) -> float:
-    """Return the median distance between solved and observed markers, or NaN."""
+    """Return the median distance between solved and observed markers, NaN if none was observed."""
     distances = np.linalg.norm(pose.observed_m - pose.markers_m, axis=1)
     seen = np.isfinite(distances)
     return float(np.median(distances[seen])) if np.any(seen) else float("nan")

@@ -2,8 +2,8 @@
 
 The body is a mixture of prototype bodies, as in section 4.2 of Chai and Hodgins 2005, with further differences between
 bodies of the same size; the left and the right side have mixtures of their own. No one holds a pose or places a marker
-exactly, so joint angles and offsets are unknowns too, each within its usual range. The result is the likeliest body,
-and the curvature of the cost there shows how well the poses determine it.
+exactly, so joint angles and offsets are unknowns too, each with a prior. The result is the likeliest body; the
+curvature of the cost there shows how well the poses determine it.
 """
 
 from collections.abc import Callable, Sequence
@@ -27,24 +27,24 @@ _STEP_RAD = 1e-5  # step for derivatives with respect to joint angles
 
 @dataclass(frozen=True)
 class PoseFitSigmas:
-    """Standard deviations of the unknowns."""
+    """Standard deviations of the markers and of the unknowns."""
 
-    seen_m: float = 0.002  # marker position: measurement and skin
-    offset_m: float = 0.010  # marker relative to its usual offset
-    unknown_offset_m: float = 0.030  # marker without a usual offset, relative to its joint
-    least_direction_m: float = 1e-3  # smaller differences between prototypes are left out
-    side_share: float = 0.25  # mixture of one side alone, relative to that of the whole body
-    places_m: tuple[tuple[str, float], ...] = (("femur", 0.008), ("humerus", 0.014))  # per axis, bodies of one size
+    seen_m: float = 0.002  # position of a marker, due to measurement and skin motion
+    offset_m: float = 0.010  # offset of a marker from its usual one
+    unknown_offset_m: float = 0.030  # offset of a marker without a usual one from its joint
+    least_direction_m: float = 1e-3  # standard deviation of a principal component below which it is left out
+    side_share: float = 0.25  # coefficients of the mixture for one side alone, relative to those for both
+    places_m: tuple[tuple[str, float], ...] = (("femur", 0.008), ("humerus", 0.014))  # position per axis
     lengths: tuple[tuple[str, float], ...] = (  # relative length of the bone that leads to the joint
         ("tibia", 0.04), ("foot", 0.04), ("radius", 0.05), ("wrist", 0.05), ("hand", 0.05),
     )  # fmt: skip
-    own_share: float = 0.5  # factor of `places_m` and `lengths` for one side alone
-    limbs_deg: tuple[tuple[str, float, str], ...] = (  # joint, angle, and the axes that the joint turns about
+    own_share: float = 0.5  # factor of `places_m` and `lengths` for differences between the sides
+    limbs_deg: tuple[tuple[str, float, str], ...] = (  # joint, angle, axes of rotation
         ("humerus", 8.0, "xyz"), ("hand", 6.0, "yz"), ("femur", 6.0, "xyz"), ("foot", 4.0, "xyz"),
     )  # fmt: skip
     hinge_deg: float = 8.0  # elbows and knees
-    trunk_deg: float = 8.0  # whole back about each axis, relative to the first pose
-    neck_deg: float = 10.0  # whole neck, likewise
+    trunk_deg: float = 8.0  # the whole back about each axis, relative to the first pose
+    neck_deg: float = 10.0  # the whole neck, likewise
     collar_deg: float = 10.0  # clavicles, relative to the first pose
 
 
@@ -53,12 +53,13 @@ SIGMAS = PoseFitSigmas()
 
 @dataclass(frozen=True)
 class BodyFit:
-    """The most probable body and its poses.
+    """The likeliest body and its poses.
 
     Args:
         rotations: Local rotations (N, J, 4) of each pose.
         root_positions_m: Root positions (N, 3).
-        astray_rad: For each pose, first joint of each limb -> angle between the fitted and the calibration pose.
+        astray_rad: For each pose, the angle between the fitted and the calibration pose at the first joint of each
+            limb, by joint name.
         sigmas_m: Standard deviation (J,) of each joint's distance from its parent; 0 for a known body.
     """
 
@@ -75,7 +76,8 @@ def fit_body(points_m: Array, marker_set: MarkerSet, prototypes: Sequence[Skelet
     Args:
         points_m: Markers (N, M, 3) of each pose in any world, NaN where hidden; at least three torso markers in each.
         marker_set: Markers with their joints, and their usual offsets if known.
-        prototypes: Bodies of many sizes with the standard skeleton's joints; a single one is the known body.
+        prototypes: Bodies of many sizes with the standard skeleton's joints; if there is only one, it is the known
+            body.
         poses: Poses (N); the first one defines the upright trunk.
     """
     body = _BodyPrior(prototypes)
@@ -84,7 +86,7 @@ def fit_body(points_m: Array, marker_set: MarkerSet, prototypes: Sequence[Skelet
 
 
 class _BodyPrior:
-    """Bodies as a mean and directions (K, J, 6) with coefficients of unit variance."""
+    """Prior of bodies: a mean shape (J, 6) and directions (K, J, 6), whose coefficients have unit variance."""
 
     def __init__(self, prototypes: Sequence[Skeleton]) -> None:
         self.like = prototypes[0]
@@ -99,14 +101,14 @@ class _BodyPrior:
             self.directions = np.concatenate((mixed, *one_side, self._own()))
 
     def skeleton(self, coefficients: Array | float = 0.0) -> Skeleton:
-        """Return the body for coefficients (K)."""
+        """Return the body with coefficients (K,); 0 gives the mean body."""
         weights = np.broadcast_to(coefficients, len(self.directions))
         shape = self.mean + np.tensordot(weights, self.directions, 1)
         like = self.like
         return Skeleton(like.names, like.parents, shape[:, :3], shape[:, 3:], like.angle_axes, like.angle_orders)
 
     def _mixed(self, shapes: Array) -> Array:
-        """Return the principal differences between prototypes."""
+        """Return the principal components of the prototypes' shapes, scaled to unit variance."""
         count = len(shapes)
         _, spread, axes = np.linalg.svd((shapes - self.mean).reshape(count, -1), full_matrices=False)
         deviations = spread / np.sqrt(count - 1)
@@ -114,7 +116,7 @@ class _BodyPrior:
         return (deviations[kept, None] * axes[kept]).reshape(-1, *self.mean.shape)
 
     def _own(self) -> Array:
-        """Return further differences between bodies, of both sides and of each alone: joint positions, bone lengths."""
+        """Return directions that change joint positions and bone lengths, on both sides alike and on each alone."""
         mirror = np.array([-1.0, 1.0, 1.0])
         changes = [
             (joint, sigma * axis, sigma * mirror * axis) for joint, sigma in SIGMAS.places_m for axis in np.eye(3)
@@ -133,15 +135,15 @@ class _BodyPrior:
         result, joint = np.zeros_like(self.mean), self.like.index(name)
         result[joint, :3] = change_m
         parent = int(self.like.parents[joint])
-        if parent:  # the root's bone ends in the back
+        if parent:  # the root's own bone ends in the back, not at the femurs
             result[parent, 3:] = change_m
         return result
 
 
 class _HeldPose:
-    """A calibration pose with the usual errors of its angles.
+    """A calibration pose with the prior of a performer's deviations from its angles.
 
-    The feet stand flat on the floor even if the legs are bent, so their orientation is relative to the root.
+    The feet are flat on the floor even if the legs are bent, so their deviations are relative to the root.
     """
 
     def __init__(self, pose: Pose, skeleton: Skeleton, first: bool) -> None:
@@ -153,7 +155,7 @@ class _HeldPose:
         self.turns, self.sigmas_rad = self._angles(skeleton, first)
 
     def _angles(self, skeleton: Skeleton, first: bool) -> tuple[Array, Array]:
-        """Return unit rotation vectors (A, J, 3) and standard deviations (A,) of the angles."""
+        """Return rotation vectors (A, J, 3) per unit of each angle, and the angles' standard deviations (A,)."""
         rows: list[tuple[tuple[str, ...], Array, float]] = []
         axes = dict(zip("xyz", np.eye(3), strict=True))
         for side in "lr":
@@ -174,7 +176,7 @@ class _HeldPose:
         return turns, np.radians([sigma for _, _, sigma in rows])
 
     def local(self, angles_rad: Array, skeleton: Skeleton) -> Array:
-        """Return local rotations (..., J, 4) with angles (..., A) added to the pose."""
+        """Return the pose's local rotations (..., J, 4) with deviations (..., A) added."""
         turn = rot.from_rotation_vector(np.tensordot(angles_rad, self.turns, 1))
         result = rot.multiply(np.broadcast_to(self.asked, turn.shape), turn)
         for foot in self.feet:
@@ -184,7 +186,7 @@ class _HeldPose:
         return result
 
     def astray(self, angles_rad: Array, skeleton: Skeleton) -> dict[str, float]:
-        """Return first joint of each limb -> its angle from the pose."""
+        """Return the angle of each limb's first joint from the pose, by joint name."""
         vectors = np.tensordot(angles_rad, self.turns, 1)
         joints = [side + joint for side in "lr" for joint in ("humerus", "femur")]
         return {joint: float(np.linalg.norm(vectors[skeleton.index(joint)])) for joint in joints}
@@ -195,8 +197,9 @@ class _State:
     """Unknowns of the fit.
 
     Args:
-        values: Body, offsets, and for each pose its angles, a zero rotation (3) and its position (3); all but the
-            positions are in units of their standard deviations.
+        values: Coefficients of the body, offsets, and for each pose the deviations of its angles, a zero (3) in place
+            of the root's rotation, and the root's position (3); all but the positions are in units of their standard
+            deviations.
         matrices: World-from-root rotations (N, 3, 3).
     """
 
@@ -212,7 +215,7 @@ class _Fit:
         self.usual = usual_offsets(marker_set)
         known = np.array([marker.offset_m is not None for marker in marker_set.markers])
         self.offset_sigmas = np.where(known, SIGMAS.offset_m, SIGMAS.unknown_offset_m)[:, None]
-        # joints whose offsets add up to the position of a marker
+        # joints whose offsets add up to the position of each marker's joint
         self.carried = body.like.is_ancestor[self.joints].astype(np.float64)
         self.carried[:, 0] = 0.0
         ends = np.cumsum([len(body.directions), 3 * len(self.joints), *(len(pose.turns) + 6 for pose in held)]).tolist()
@@ -223,7 +226,7 @@ class _Fit:
             self.bound[pose.stop - 6 : pose.stop] = False
 
     def solved(self) -> BodyFit:
-        """Return the fit, started from the mean body in the exact poses."""
+        """Return the fit; it starts from the mean body in the exact poses."""
         state, near = levenberg_marquardt(self._start(), self._linearise, self._moved)
         skeleton, _ = self._shape(state)
         rotations = []
@@ -247,7 +250,8 @@ class _Fit:
         for held, points, pose in zip(self.held, self.points, self.poses, strict=True):
             seen = np.isfinite(points[:, 0])
             local = self._markers(held, np.zeros(len(held.turns)), skeleton, self.usual)[0]
-            # limbs may be held differently, so they only matter if the torso's markers lie nearly on a line
+            # limbs may be held differently, so their markers have a low weight, which only matters if the torso's are
+            # almost on a line
             matrix, values[pose.stop - 3 : pose.stop] = kabsch(
                 local[seen], points[seen], np.where(self.torso, 1.0, 0.05)[seen]
             )
@@ -258,7 +262,7 @@ class _Fit:
         return np.asarray(self.held[i].sigmas_rad * state.values[self.poses[i]][:-6])
 
     def _markers(self, held: _HeldPose, angles: Array, skeleton: Skeleton, offsets: Array) -> tuple[Array, Array]:
-        """Return markers (..., M, 3) and joint orientations in the root's frame."""
+        """Return markers (..., M, 3) and joint orientations (..., J, 4) in the root's frame."""
         positions, world = forward_kinematics(skeleton, held.local(angles, skeleton), np.zeros(3))
         return positions[..., self.joints, :] + rot.rotate(world[..., self.joints, :], offsets), world
 
@@ -279,9 +283,9 @@ class _Fit:
         return NormalEquations(matrix, gradient, cost)
 
     def _columns(self, state: _State, i: int, skeleton: Skeleton, offsets: Array) -> tuple[Array, Array]:
-        """Return Jacobian and error for the visible markers of a pose.
+        """Return Jacobian and residuals of the visible markers of a pose, in standard deviations.
 
-        Columns: body, offsets, angles, the root's rotation and position.
+        The Jacobian's columns are body, offsets, angles, and the root's rotation and position.
         """
         held, count, matrix = self.held[i], len(self.joints), state.matrices[i]
         angles = len(held.turns)
@@ -312,5 +316,5 @@ class _Fit:
 
 
 def usual_offsets(marker_set: MarkerSet) -> Array:
-    """Return usual offsets (M, 3), zero (at the joint) if the set has none."""
+    """Return the usual offsets (M, 3); zero (at the joint) for markers without one."""
     return np.array([marker.offset_m or (0.0, 0.0, 0.0) for marker in marker_set.markers])

@@ -1,7 +1,7 @@
 """Bone lengths from the distances between keypoints at joints.
 
-Poses solved with wrong bones absorb the errors of keypoints, which are as large as those of the bones. The distance
-between the ends of a bone needs no pose; its median over the frames is used. Left and right bones are assumed equal.
+Poses are not used, because those solved with wrong bones absorb the errors of the bones. The distance between the ends
+of a bone needs no pose; its median over the frames is used. Left and right bones are assumed to be equal.
 """
 
 from dataclasses import dataclass, replace
@@ -19,14 +19,14 @@ from .body_change import PARTS, part_covariance, sized
 class KeypointBoneSettings:
     """Settings of `sized_by_distances`."""
 
-    at_joint_m: float = 0.02  # largest usual offset of a keypoint that represents its joint
-    distance_sigma_m: float = 0.013  # of the mean of both sides: people's keypoints are 1 to 3 cm off at each end
+    at_joint_m: float = 0.02  # largest usual offset of a keypoint that stands for its joint
+    distance_sigma_m: float = 0.013  # mean length of both sides; keypoints are 1 to 3 cm off at each end
     trunk_sigma_m: float = 0.03  # the same for the trunk, which bends
     fewest_frames: int = 10
 
 
 SETTINGS = KeypointBoneSettings()
-# part of the body, and the joints at the ends of its bone; for the trunk, at the ends of its side
+# part of the body, and the joints at either end of its bone, or of the trunk's side
 _SPANS = (
     ("thighs", "femur", "tibia"),
     ("shanks", "tibia", "foot"),
@@ -64,7 +64,7 @@ def sized_by_distances(subject: Subject, points_m: Array) -> Subject:
 
 
 def _at_joint(subject: Subject, joint: str) -> int | None:
-    """Return the keypoint that represents a joint, or None."""
+    """Return the index of the keypoint that stands for a joint, or None."""
     marked = [
         (float(np.linalg.norm(marker.offset_m)), place)
         for place, marker in enumerate(subject.marker_set.markers)

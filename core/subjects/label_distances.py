@@ -1,6 +1,6 @@
-"""Labels judged by the distances between markers: how long they are, and how much they change.
+"""Check of labels by the distances between markers: how long these are, and how much they vary.
 
-Distances cannot tell left from right: a body and its mirror image have the same ones.
+Distances cannot tell left from right, because a body and its mirror image have the same distances.
 """
 
 from dataclasses import dataclass
@@ -20,23 +20,23 @@ from ..solver.subject_model import SubjectModel
 
 @dataclass(frozen=True)
 class DistanceSettings:
-    """Settings of the judgement, chosen on simulated and recorded takes; costs are in nats per distance."""
+    """Settings of the check, chosen on simulated and recorded takes; costs are in nats per distance."""
 
-    frames: int = 200  # most frames of the take, and poses of the database, in which distances are measured
-    fewest_frames: int = 5  # fewest frames that show a distance
-    fewest: int = 8  # fewest markers that are judged
-    placed_m: float = 0.03  # standard deviation of a marker from its usual position
+    frames: int = 200  # largest number of the take's frames, and of the database's poses, that are measured
+    fewest_frames: int = 5  # fewest frames in which a distance must be visible
+    fewest: int = 8  # fewest markers for which the check is made
+    placed_m: float = 0.03  # standard deviation of a marker's position from its usual one
     spread_m: float = 0.01  # spread of a distance due to skin and noise alone
-    spread_log: float = 0.5  # usual log ratio of a distance's spread to that in the database
+    spread_log: float = 0.5  # prior standard deviation of the log ratio of a distance's spread to the database's
     capped: float = 8.0  # largest cost of one distance
-    contradicted: float = 2.4  # mean cost of all distances above which the labels are wrong
+    contradicted: float = 2.4  # mean cost of a distance above which the labels are wrong
 
 
 _S = DistanceSettings()
 
 
 class Distances(NamedTuple):
-    """Distances between all pairs of markers over time: means and standard deviations (M, M), NaN for unknown ones."""
+    """Distances between all pairs of markers over time: means and standard deviations (M, M), NaN if unknown."""
 
     mean_m: Array
     spread_m: Array
@@ -67,10 +67,10 @@ def contradiction(take: MarkerTake, marker_set: MarkerSet, database: Database) -
 
     Args:
         take: Take in any axes and unit.
-        marker_set: Set that its labels name.
+        marker_set: Marker set whose names the labels match.
     """
     label_of = match_labels(take.names, marker_set).label_of
-    if len(label_of) < _S.fewest or marker_set.points is PointKind.KEYPOINTS:  # errors of keypoints stretch bones
+    if len(label_of) < _S.fewest or marker_set.points is PointKind.KEYPOINTS:  # keypoint errors change distances
         return 0.0
     worn = marker_set.subset(list(label_of))
     own = distances_of(take.positions_m[:, [take.names.index(label_of[name]) for name in worn.names]])
@@ -82,12 +82,12 @@ def _label_costs(own: Distances, usual: Distances) -> Array:
     """Return the mean cost (M,) of each marker's distances."""
     ratios = own.mean_m / np.maximum(usual.mean_m, 1e-9)
     ratios = ratios[np.isfinite(ratios) & ~np.eye(len(ratios), dtype=bool)]
-    # the body's size, or a different unit of length
+    # the scale is the body's size, or a different unit of length
     scale = float(np.median(ratios)) if np.any(ratios > 0.0) else 1.0
     mean_m, spread_m = own.mean_m / scale, own.spread_m / scale
     variance = usual.spread_m**2 + 2.0 * _S.placed_m**2
     looser = np.maximum(np.log((spread_m + _S.spread_m) / (usual.spread_m + _S.spread_m)), 0.0) / _S.spread_log
     costs = np.minimum(0.5 * ((mean_m - usual.mean_m) ** 2 / variance + looser**2), _S.capped)
-    costs += 0.5 * np.log(variance / (2.0 * _S.placed_m**2))  # otherwise a varying pair would explain any distance
+    costs += 0.5 * np.log(variance / (2.0 * _S.placed_m**2))  # else a varying pair would explain any distance
     np.fill_diagonal(costs, np.nan)
     return mean_of_known(costs)

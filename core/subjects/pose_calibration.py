@@ -1,8 +1,8 @@
 """Calibration of skeleton and marker offsets from held poses (Chai and Hodgins 2005, section 4.2).
 
 The skeleton is fitted to the markers by `held_pose_fit`. An offset is the position of the marker relative to its joint,
-in the joint's axes. One pose shows where limbs end, not where they begin: arms stretched out, forward and down separate
-the shoulder from the arm.
+in the joint's axes. A single pose shows where a limb ends, not where it begins: only poses with the arms sideways,
+forward and down separate the shoulder from the arm.
 """
 
 from collections.abc import Iterator, Sequence
@@ -33,14 +33,14 @@ _HELD_AS = {
 
 @dataclass(frozen=True)
 class CalibrationLimits:
-    """Limits for poses and their results."""
+    """Limits for held poses and for the calibration's quality."""
 
-    farthest_swing_deg: float = 35.0  # largest angle between a limb and the calibration pose
-    careless_deg: float = 15.0  # angle of a limb above which the advice mentions it
-    noise_m: float = 0.03  # largest spread of a still marker due to measurement alone
-    still_m_s: float = 0.15  # markers of a held pose are slower
-    like_pose_m: float = 0.20  # largest RMS distance from the default body's markers in the pose, for any body size
-    as_close: float = 1.3  # the stillest moment is chosen among those within this factor of the smallest distance
+    farthest_swing_deg: float = 35.0  # largest angle of a limb from the calibration pose
+    careless_deg: float = 15.0  # angle of a limb from the pose above which the advice mentions it
+    noise_m: float = 0.03  # largest range of a still marker's positions due to measurement alone
+    still_m_s: float = 0.15  # speed above which a pose is not held
+    like_pose_m: float = 0.20  # largest RMS distance from the default body's markers in the pose; fits any body size
+    as_close: float = 1.3  # the stillest moment is chosen among those up to this factor from the smallest distance
     residual_m: float = 0.015  # RMS marker error above which a calibration should be redone
     odd_marker_m: float = 0.035  # distance of a marker from its usual position above which the advice mentions it
     shoulder_m: float = 0.012  # standard deviation of a shoulder's position above which another pose is worthwhile
@@ -76,7 +76,7 @@ def calibration_points(
         frames: Part of the take to search.
 
     Raises:
-        SubjectError: The take lacks markers of the set, or a still moment.
+        SubjectError: The take lacks a marker of the set, or its markers are never still.
     """
     positions = _positions(take, marker_set)[frames]
     return _median(positions, next(_still(positions, take.fps, seconds)))
@@ -91,7 +91,7 @@ def pose_points(take: MarkerTake, marker_set: MarkerSet, poses: Sequence[str], s
         poses: Names (N) in `POSES`.
 
     Raises:
-        SubjectError: A pose is unknown or not held, or the take lacks markers of the set.
+        SubjectError: A pose is unknown or not held, or the take lacks a marker of the set.
     """
     check_poses(poses)
     positions = _positions(take, marker_set)
@@ -120,7 +120,7 @@ def pose_points(take: MarkerTake, marker_set: MarkerSet, poses: Sequence[str], s
 
 
 def _stillest(moments: list[tuple[float, float, Array]]) -> Array:
-    """Return the points of the stillest of the moments (distance, spread, points) that are close to the pose.
+    """Return the points of the stillest moment that is close to the pose; moments are (distance, spread, points).
 
     At the closest moment the performer may still be moving into the pose.
     """
@@ -139,7 +139,7 @@ def check_poses(poses: Sequence[str]) -> None:
 
 
 def _positions(take: MarkerTake, marker_set: MarkerSet) -> Array:
-    """Return the set's markers (F, M, 3); raise SubjectError if the take lacks one."""
+    """Return the markers (F, M, 3) of a set; raise SubjectError if the take lacks one."""
     missing = [name for name in marker_set.names if name not in take.names]
     if missing:
         raise SubjectError(
@@ -160,7 +160,7 @@ def _median(positions: Array, window: slice) -> Array:
 
 
 def _distance(points: Array, template: Array) -> float:
-    """Return the RMS distance of visible points (M, 3) from a template fitted to them."""
+    """Return the RMS distance of the visible points (M, 3) from a template (M, 3) rigidly fitted to them."""
     seen = np.isfinite(points[:, 0])
     if seen.sum() < 3:
         return np.inf
@@ -170,7 +170,7 @@ def _distance(points: Array, template: Array) -> float:
 
 
 def _still(positions: Array, fps: float, seconds: float) -> Iterator[slice]:
-    """Yield windows with still markers in order; SubjectError if there are none."""
+    """Yield the windows in which the markers are still, in order of time; SubjectError if there are none."""
     length = min(max(2, round(seconds * fps)), len(positions))
     some = seen_at_all = False
     for start in range(0, len(positions) - length + 1, max(1, length // 4)):
@@ -198,7 +198,7 @@ def _still(positions: Array, fps: float, seconds: float) -> Iterator[slice]:
 def calibrate_subject(
     points_m: Array, marker_set: MarkerSet, prototypes: Sequence[Skeleton], name: str, *poses: str
 ) -> SubjectCalibration:
-    """Return the subject that shows `points_m` in the calibration poses.
+    """Return the subject whose markers are at `points_m` in the calibration poses.
 
     Args:
         points_m: Markers (N, M, 3), or (M, 3) in one pose, in world axes; NaN where a marker is hidden.
@@ -207,7 +207,7 @@ def calibrate_subject(
         poses: Names (N) in `POSES`, by default the T pose; the first one defines the upright trunk.
 
     Raises:
-        SubjectError: There are too few markers, a pose is unknown, or limbs are far from the pose.
+        SubjectError: There are too few markers, a pose is unknown, or a limb is far from its pose.
     """
     poses = poses or ("t",)
     check_poses(poses)
@@ -234,9 +234,9 @@ def calibrate_subject(
 def calibrate_markers(
     points_m: Array, marker_set: MarkerSet, known: Subject, name: str, *poses: str
 ) -> SubjectCalibration:
-    """Return a known performer with moved, added or removed markers.
+    """Return a known performer with markers that were moved, added or removed.
 
-    The bones are kept. The former marker offsets help to find the held pose. Arguments and errors are those of
+    The bones are kept. The earlier marker offsets help to find the held pose. Arguments and errors are those of
     `calibrate_subject`.
 
     Args:
@@ -278,7 +278,7 @@ def _check_limbs(fit: BodyFit, poses: Sequence[str]) -> None:
 
 
 def _astray(fit: BodyFit, poses: Sequence[str]) -> list[tuple[str, float, str]]:
-    """Return limb, its angle from the pose in degrees, and pose."""
+    """Return each limb in each pose, its angle from that pose in degrees, and the pose."""
     words = {"l": "the left ", "r": "the right "}
     return [
         (words[joint[0]] + _LIMBS[joint[1:]], float(np.degrees(angle)), pose)

@@ -1,4 +1,4 @@
-"""Measurement of a prop from a take: finding the markers that form a rigid body."""
+"""Calibration of a prop from a take: the markers that form a rigid body are found and measured."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,10 +16,10 @@ from ..markers.prop import FEWEST_MARKERS, MOST_MARKERS, Prop
 
 @dataclass(frozen=True)
 class PropSettings:
-    """Settings of the measurement."""
+    """Settings of the calibration."""
 
-    rigid_m: float = 0.003  # largest median deviation of the distance between two markers of a prop
-    fewest_frames: int = 10  # frames that must show both markers
+    rigid_m: float = 0.003  # largest median deviation of the distance between two of a prop's markers
+    fewest_frames: int = 10  # fewest frames in which both markers must be visible
     rounds: int = 5
     poor_m: float = 0.002  # RMS residual above which a prop bends or is poorly seen
 
@@ -29,7 +29,7 @@ SETTINGS = PropSettings()
 
 @dataclass(frozen=True)
 class PropCalibration:
-    """A measured prop.
+    """A calibrated prop.
 
     Args:
         prop: Prop with its markers in its own frame: the origin at their centre, y along their greatest extent towards
@@ -108,7 +108,7 @@ def _largest_group(take: MarkerTake) -> list[int]:
 
 
 def _groups(joined: Mask) -> list[set[int]]:
-    """Return all maximal cliques of joined pairs (N, N), by the algorithm of Bron and Kerbosch."""
+    """Return all maximal cliques of a graph, given as a mask (N, N), by the algorithm of Bron and Kerbosch."""
     found: list[set[int]] = []
 
     def grow(group: set[int], candidates: set[int], excluded: set[int]) -> None:
@@ -156,7 +156,7 @@ def _mean_shape(positions_m: Array, where: str) -> tuple[Array, float, int]:
 
 
 def _upright(shape_m: Array) -> Array:
-    """Return the markers (M, 3) in the prop's own frame."""
+    """Return the markers (M, 3) of a shape in the prop's own frame (see `PropCalibration`)."""
     middle, _, axes = principal_axes(shape_m)
     centred = shape_m - middle
     along, across = (axis * (1.0 if np.sum((centred @ axis) ** 3) >= 0.0 else -1.0) for axis in axes[:2])

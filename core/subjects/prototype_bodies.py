@@ -15,7 +15,7 @@ def load_bodies(path: Path | str = SKELETONS) -> tuple[Skeleton, ...]:
     """Return the prototype bodies from a file; by default the shipped ones.
 
     Raises:
-        SkeletonError: The file cannot be read, is another kind of file, or has other joints.
+        SkeletonError: The file cannot be read, is of another kind, or has other joints.
     """
     plain = default_skeleton()
     try:

@@ -1,9 +1,9 @@
 """Correction of a calibrated performer's bones and marker offsets from a take's motion.
 
-Poses that were solved with wrong bones have absorbed the error and say little. Instead, single frames are solved
-without history: the database's examples predict a pose with its covariance, and the distances of the markers from that
-prediction (the innovation) reveal the body. The model is Gaussian and linear about the current body. The usual size
-of errors is learned from the take (empirical Bayes), so that a correct body is left as it is.
+Poses that were solved with wrong bones have absorbed the error and say little about it. Instead, single frames are
+solved without history: the database's examples predict a pose with its covariance, and the deviations of the markers
+from that prediction (the innovation) reveal the body. The model is Gaussian and linear about the current body. The
+prior variances of the corrections are learned from the take (empirical Bayes), so that a correct body is left as it is.
 """
 
 from collections.abc import Callable
@@ -33,22 +33,22 @@ class RefineSettings:
     """Settings of the refinement."""
 
     rounds: int = 4
-    interval_s: float = 0.25  # between the frames used
-    most_frames: int = 240  # one minute of a take; spread over a longer one
+    interval_s: float = 0.25  # time between the frames used
+    most_frames: int = 240  # largest number of frames used, one minute of a take; spread over a longer one
     fewest_frames: int = 3
-    farthest_m: float = 0.12  # distance from the closest example, beyond which the motion is different
-    root_sigma: tuple[float, float] = (0.5, 0.3)  # m, rad; wide, because examples do not show where the body is
+    farthest_m: float = 0.12  # distance from the closest example beyond which a frame's motion is not in the database
+    root_sigma: tuple[float, float] = (0.5, 0.3)  # m, rad; large: examples do not tell where the body is
     marker_sigma_m: float = 0.01
     nearest_share: float = 0.3  # error of the predicted markers as a fraction of the distance to the closest example
-    frames_per_s: float = 1.2  # number of independent frames; nearby ones repeat each other's errors
-    # candidate standard deviations of parts and of offsets, relative to the usual ones
+    frames_per_s: float = 1.2  # number of frames with independent errors; nearby frames repeat each other's
+    # candidates for the standard deviations of part sizes and of offsets, relative to those of `ChangeSigmas`
     part_scales: tuple[float, ...] = (0.05, 0.2, 0.35, 0.5, 0.75, 1.0)
     offset_scales: tuple[float, ...] = (0.05, 0.2, 0.35, 0.5)
-    # prior standard deviations for which 95 % of the errors are within twice the reported ones: chosen with correct and
-    # wrong bodies on five takes, confirmed on five others
+    # prior standard deviations with which 95 % of the errors are within twice the reported standard deviations: chosen
+    # with correct and wrong bodies on five takes, confirmed on five others
     trusted_part_sigma: float = 0.08
     trusted_offset_sigma_m: float = 0.015
-    common_sigma: float = 0.02  # error of all bones together: any take makes them too short by about this much
+    common_sigma: float = 0.02  # error common to all bones: any take makes them too short by about this much
 
 
 SETTINGS = RefineSettings()
@@ -60,13 +60,13 @@ class Refinement:
 
     Args:
         subject: Subject with corrected bones and offsets.
-        whole: Relative change of the length of all bones together, which is known better than that of a part.
+        whole: Relative change of the total length of all bones, which is known better than that of a part.
         whole_sigma: Standard deviation of `whole`.
-        sizes: Relative change of the length of each part's bones.
-        size_sigmas: Standard deviations of `sizes`.
-        offset_sigmas_m: Standard deviation of each marker's offset along one axis.
+        sizes: Relative change of the length of each part's bones, by part.
+        size_sigmas: Standard deviations of `sizes`, by part.
+        offset_sigmas_m: Standard deviation of each marker's offset along its most uncertain axis, by marker.
         frames: Number of frames used.
-        evidence: Log likelihood ratio of the changed body to the given one.
+        evidence: Log likelihood ratio of the corrected body to the given one.
     """
 
     subject: Subject
@@ -81,7 +81,7 @@ class Refinement:
 
 @dataclass(frozen=True)
 class _Evidence:
-    """Normal equations for parts and offsets: matrix (N, N), vector (N,), and the number of frames."""
+    """Normal equations for part sizes and offsets: matrix (N, N), vector (N,), and the number of frames used."""
 
     information: Array
     vector: Array
@@ -93,11 +93,11 @@ def refine_body(take: MarkerTake, start: Subject, database: Database, progress: 
 
     Args:
         take: Labelled take of motion similar to the database's.
-        start: The calibrated body.
-        database: Database with similar motion.
+        start: Calibrated body.
+        database: Database with motion like the take's.
 
     Raises:
-        SubjectError: Too few frames are near the database's motion.
+        SubjectError: Too few frames are similar to the database's motion.
         TakeError: The take lacks torso markers.
     """
     step = max(round(SETTINGS.interval_s * take.fps), 1)
@@ -120,7 +120,7 @@ def refine_body(take: MarkerTake, start: Subject, database: Database, progress: 
                 where=take.name,
                 advice="choose a database with such motion, or leave the subject as it is",
             )
-        # changes are relative to the current body; convert them to the initial one
+        # the evidence is about changes relative to the current body; convert it to changes relative to the initial one
         slope = np.append(1.0 / (1.0 + change[: len(PARTS)]), np.ones(len(change) - len(PARTS)))
         weight = SETTINGS.frames_per_s * seconds / len(observed)
         information = weight * found.information * np.outer(slope, slope)
@@ -147,7 +147,7 @@ def refine_body(take: MarkerTake, start: Subject, database: Database, progress: 
 
 
 def _evidence(observed: Array, subject: Subject, database: Database, report: Callable[[float], None]) -> _Evidence:
-    """Return the evidence of frames (F, M, 3) about the subject's body; `report` receives the fraction done."""
+    """Return the evidence of markers (F, M, 3) about the subject's body; `report` receives the fraction done."""
     solver = PoseSolver(SubjectModel(subject, database.mean_rotations), database, _WITHOUT_HISTORY)
     model = solver.subject
     unknowns = len(PARTS) + 3 * len(subject.marker_set)
@@ -178,10 +178,10 @@ def _evidence(observed: Array, subject: Subject, database: Database, report: Cal
 
 
 def _posterior(information: Array, vector: Array) -> tuple[Array, float]:
-    """Return the covariance of a body's change for the likeliest standard deviations, and the evidence for these.
+    """Return the covariance of a body's change under the likeliest prior, and the evidence for that prior.
 
-    The evidence is the log likelihood ratio to the smallest candidates. The likelihood of the take is integrated over
-    all bodies (type II maximum likelihood; MacKay 1992, "Bayesian interpolation").
+    Priors are compared by the likelihood of the take, integrated over all bodies (type II maximum likelihood; MacKay
+    1992, "Bayesian interpolation"). The evidence is the log likelihood ratio to the prior with the smallest variances.
     """
     best: Array = np.zeros_like(information)
     most, least = -np.inf, 0.0
@@ -190,7 +190,8 @@ def _posterior(information: Array, vector: Array) -> tuple[Array, float]:
             factor = _factor(
                 len(vector), part_scale * SIGMAS.size, part_scale * SIGMAS.part, offset_scale * SIGMAS.offset_m
             )
-            # in units of the standard deviations, so that small ones stay well conditioned
+            # scaled by the prior standard deviations, so that the matrix stays well conditioned even where they are
+            # small
             inner = np.eye(len(vector)) + factor.T @ information @ factor
             explained = np.linalg.solve(inner, factor.T @ vector)
             evidence = 0.5 * (vector @ factor @ explained - np.linalg.slogdet(inner)[1])
@@ -202,10 +203,10 @@ def _posterior(information: Array, vector: Array) -> tuple[Array, float]:
 
 
 def _trusted_covariance(information: Array) -> Array:
-    """Return a calibrated covariance of a body's change.
+    """Return a covariance of a body's change that states the actual errors.
 
-    It is wider than that of `_posterior`, because the likeliest standard deviations are uncertain: small ones would
-    make a body that seems correct look certain.
+    It is wider than that of `_posterior`, because the likeliest prior is itself uncertain: one with small standard
+    deviations would make a body that seems correct look certain.
     """
     unknowns = len(information)
     factor = _factor(unknowns, SIGMAS.size, SETTINGS.trusted_part_sigma, SETTINGS.trusted_offset_sigma_m)
@@ -215,7 +216,7 @@ def _trusted_covariance(information: Array) -> Array:
 
 
 def _factor(unknowns: int, size: float, part: float, offset_m: float) -> Array:
-    """Return the Cholesky factor of the prior covariance with these standard deviations."""
+    """Return the Cholesky factor (N, N) of the prior covariance for given standard deviations."""
     sizes = len(PARTS)
     factor: Array = np.diag(np.full(unknowns, offset_m))
     factor[:sizes, :sizes] = np.linalg.cholesky(np.full((sizes, sizes), size**2) + part**2 * np.eye(sizes))

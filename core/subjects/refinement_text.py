@@ -1,4 +1,4 @@
-"""Description in words of the changes to a refined performer."""
+"""Description in words of the changes that a refinement made to a performer."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,15 +12,15 @@ from .refine_body import Refinement
 
 @dataclass(frozen=True)
 class TextSettings:
-    """Settings of the text."""
+    """Thresholds for the changes that are described."""
 
-    least_share: float = 0.01  # smallest change of a bone's length that changes poses visibly
-    least_m: float = 0.003  # smallest move of a marker that changes poses visibly
+    least_share: float = 0.01  # relative change of a bone's length from which poses change visibly
+    least_m: float = 0.003  # shift of a marker from which poses change visibly
     most_markers: int = 4  # largest number of markers that are named, so that the text fits a panel
-    least_evidence: float = 25.0  # nats; correct bodies on motion unlike the database's reach 10 to 20, some more
-    sigmas: float = 2.0  # standard deviations that contain 95 % of the values
+    least_evidence: float = 25.0  # nats; with motion unlike the database's, correct bodies reach 10 to 20, some more
+    sigmas: float = 2.0  # number of standard deviations that contain 95 % of the values
     sigmas_in_space: float = 2.5  # the same for the length of a vector
-    shifted: float = 1.5  # stricter factor for a single marker: many are tested, and poses can explain much
+    shifted: float = 1.5  # factor by which a marker's shift must exceed its limit: many markers are tested
 
 
 SETTINGS = TextSettings()
@@ -39,8 +39,8 @@ class _Change:
     """A change in words.
 
     Args:
-        size: Size relative to the smallest change worth a line.
-        is_sure: Whether the change exceeds the take's uncertainty.
+        size: Size of the change relative to the smallest one worth a line.
+        is_sure: Whether the change exceeds its uncertainty.
     """
 
     text: str
@@ -49,16 +49,16 @@ class _Change:
 
 
 def worthwhile(before: Subject, found: Refinement) -> tuple[Subject, list[str]]:
-    """Return the refined body and its changes in words, or the old body if it fits."""
+    """Return the refined body and its changes in words, or the old body without any if that fits the take."""
     changes = describe_changes(before, found)
     return (found.subject, changes) if changes else (before, [])
 
 
 def describe_changes(before: Subject, found: Refinement) -> list[str]:
-    """Return the changes of the whole body, its parts and markers, largest first.
+    """Return the changes of the whole body, of its parts and of its markers in words, the largest of each first.
 
-    The true value lies within the limits after ± in 95 % of cases. The list is empty if no change is significant or the
-    evidence is small: the body fits, and changing a correct body would make it worse.
+    The true value lies within the limits after ± in 95 % of cases. The list is empty if no change is significant, or if
+    the evidence is small: then the body fits, and changing a correct body would make it worse.
     """
     whole = _bone("whole body", "larger", "smaller", found.whole, found.whole_sigma)
     parts = [_bone(*PART_WORDS[part], size, found.size_sigmas[part]) for part, size in found.sizes.items()]

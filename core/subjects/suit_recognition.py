@@ -1,14 +1,17 @@
-"""Recognition of the marker set in trajectories whose labels say nothing: which trajectory is which marker.
+"""Recognition of the marker set, and of each trajectory's marker, in a take whose labels say nothing.
 
-1. Frames are superimposed with robust weights, so that the trunk is at rest: the medians of the trajectories are the
+1. Frames are superimposed with robust weights, so that the trunk is at rest. The medians of the trajectories are the
    take's mean shape.
-2. Bodies in usual poses that wear each known marker set are placed in this shape, along every axis and heading.
-3. From the best placements, examples of the database and one assignment for all frames are found alternately.
-4. The solver poses the body with these markers, its bones and offsets are fitted, and markers are assigned again.
-   Feet, hands and head take part last: a foot assigned the wrong way round would bend to its markers.
+2. For each known marker set, bodies that wear it in typical poses are placed in this shape, along every axis and
+heading.
+3. Starting from the best placements, the database's nearest examples of each frame and one assignment for all frames
+are found alternately.
+4. The solver poses the body with the assigned markers, bones and offsets are fitted, and the markers are assigned
+   again. Feet, hands and head take part last: a foot with its markers assigned the wrong way round would turn to fit
+   them.
 
-Distances alone cannot tell left from right. A mirrored assignment turns the body round, so that knees and feet point
-backwards: it is solved as well, and must explain the trajectories clearly worse.
+Distances alone cannot tell left from right. A mirrored assignment turns the body round, so that its knees and feet
+point backwards. This is solved as well, and must explain the trajectories clearly worse.
 """
 
 import contextlib
@@ -43,38 +46,38 @@ from .unknown_marker_placement import solved_poses
 class RecognitionSettings:
     """Settings of the recognition, chosen on simulated and recorded takes; costs are sums of squared distances."""
 
-    fewest: int = 8  # fewest trajectories that show a body
-    frames: int = 40  # frames, spread over the take, that give the mean shape
-    compared: int = 12  # number of these in which bodies are compared
+    fewest: int = 8  # fewest trajectories among which a body is recognised
+    frames: int = 40  # number of frames, spread over the take, from which the mean shape is made
+    compared: int = 12  # number of these frames in which bodies are compared
     shape_rounds: int = 8  # rounds in which frames are superimposed
-    rest_m: float = 0.03  # spread of a trajectory on the resting trunk
-    radius_m: tuple[float, float] = (0.2, 1.2)  # range of the RMS radius of a mean shape; others are in a wrong unit
-    usual_radius_m: float = 0.5  # RMS radius to which those are scaled
-    sizes: tuple[float, float] = (0.5, 5.0)  # range of the number of a set's markers per trajectory
-    poses: int = 16  # usual poses of the database
+    rest_m: float = 0.03  # spread of a trajectory on the trunk when the trunk is at rest
+    radius_m: tuple[float, float] = (0.2, 1.2)  # RMS radius of a mean shape in metres; another is in a wrong unit
+    usual_radius_m: float = 0.5  # RMS radius to which a shape in a wrong unit is scaled
+    sizes: tuple[float, float] = (0.5, 5.0)  # range of a set's number of markers, relative to that of trajectories
+    poses: int = 16  # number of typical poses from the database
     headings: int = 16
-    refined: int = 80  # placements of a body in the mean shape that are refined
+    refined: int = 80  # number of placements of a body in the mean shape that are refined
     refinements: int = 10
     scales: tuple[float, float] = (0.75, 1.3)  # size of bodies relative to the default skeleton
-    starts: int = 4  # most placements of each set that are pursued
-    same: float = 0.7  # fraction of common assignments above which two starts are the same
-    examples: int = 700  # poses of the database that are compared with each frame
-    nearest: int = 6  # number of the nearest examples, which show where the markers should be
-    rounds: int = 6  # rounds of examples and assignment
+    starts: int = 4  # largest number of placements pursued for each set
+    same: float = 0.7  # fraction of equal assignments above which two starts are the same
+    examples: int = 700  # number of database poses compared with each frame
+    nearest: int = 6  # number of nearest examples from which the positions of markers are predicted
+    rounds: int = 6  # number of times that examples and assignment are found alternately
     placed_m: float = 0.3  # largest distance of a trajectory from a marker of the mean shape
     example_m: float = 0.22  # the same for the nearest examples
-    free_m: float = 0.2  # the same for a solved body whose feet, hands and head are predicted
+    free_m: float = 0.2  # the same for a body solved without markers on feet, hands and head
     solved_m: float = 0.15  # the same for a solved body
-    capped_m: float = 0.25  # limit of each distance, which also counts for a trajectory that is no marker
-    missed_m: float = 0.1  # distance that counts for a marker without a trajectory
-    ends_free: int = 3  # rounds of the solver without feet, hands and head
-    most_ends: float = 0.4  # fraction of the markers on feet, hands and head above which these are never left out
-    all_solved: int = 3  # rounds of the solver with all markers
-    solved: int = 3  # number of the best assignments that are solved, besides a mirrored one
-    turned_rad: float = 2.0  # difference of headings from which one assignment is another's mirror image
-    clearer: float = 1.25  # factor by which the mirror image must explain the trajectories worse
-    recognised: float = 0.6  # smallest fraction of the set or of the trajectories that is recognised
-    clear_m: float = 0.055  # RMS distance of all markers from those of a usual body, up to which the names are clear
+    capped_m: float = 0.25  # cap on each distance
+    missed_m: float = 0.1  # distance assumed for a marker without a trajectory
+    ends_free: int = 3  # number of rounds in which the solver uses no markers on feet, hands and head
+    most_ends: float = 0.4  # fraction of all markers on feet, hands and head above which they always take part
+    all_solved: int = 3  # number of rounds in which the solver uses all markers
+    solved: int = 3  # number of best assignments that are solved, in addition to a mirrored one
+    turned_rad: float = 2.0  # angle between the headings of two assignments above which they mirror each other
+    clearer: float = 1.25  # factor by which the cost of the mirrored assignment must be higher
+    recognised: float = 0.6  # smallest fraction recognised of the set or of the trajectories, whichever has fewer
+    clear_m: float = 0.055  # RMS distance of all markers from those expected below which the names are clear
     residual_m: float = 0.03  # largest median distance of the recognised markers from the body
 
 
@@ -84,17 +87,17 @@ _ENDS = ("foot", "toes", "hand", "fingers", "thumb", "head", "upperneck")
 
 
 class _Suit(NamedTuple):
-    """Marker set with its markers (K, M, 3) on the default skeleton in usual poses."""
+    """Marker set, with its markers (K, M, 3) on the default skeleton in typical poses."""
 
     marker_set: MarkerSet
     usual_m: Array
 
 
 class _Placement(NamedTuple):
-    """Body placed in the mean shape: p_body = size (turn p_shape) + shift."""
+    """Body placed in the mean shape: p_body = scale (turn p_shape) + shift."""
 
     cost: float
-    labels: IntArray  # (N,) marker of each trajectory, -1 for none
+    labels: IntArray  # (N,) marker of each trajectory, -1 if it has none
     fit: Similarity
 
 
@@ -104,18 +107,18 @@ class _Guess(NamedTuple):
     cost: float
     labels: IntArray  # (N,)
     marker_set: MarkerSet
-    size: float  # of the skeleton, relative to the default one
-    turns: Array  # (F, 3, 3) from the world to the body's root
+    size: float  # size of the skeleton relative to the default one
+    turns: Array  # (F, 3, 3) root-from-world rotations
     residual_m: float = np.nan
 
 
 class RecognisedSuit(NamedTuple):
-    """Marker set that was recognised.
+    """A recognised marker set.
 
     Args:
-        names: The marker of each recognised label.
-        is_clear: The usual body explains the markers so well that no other names would, and all markers of the set or
-            all trajectories are named.
+        names: Name of the marker for each recognised label.
+        is_clear: The expected body explains the markers so well that no other names are possible, and all markers of
+            the set or all trajectories are named.
     """
 
     marker_set: MarkerSet
@@ -124,15 +127,15 @@ class RecognisedSuit(NamedTuple):
 
 
 def recognise_suit(take: MarkerTake, database: Database, why: str, progress: Progress = no_progress) -> RecognisedSuit:
-    """Return the shipped marker set that a take's trajectories look like.
+    """Return the shipped marker set that fits a take's trajectories best, with the names of its markers.
 
     Args:
         take: Take under any labels, in any axes.
         database: Database with motion like the take's.
-        why: What is wrong with its labels, for messages.
+        why: What is wrong with the take's labels, for messages.
 
     Raises:
-        TakeError: The trajectories fit no marker set, or left and right cannot be told apart.
+        TakeError: The trajectories fit no marker set, or do not tell left from right.
     """
     shown = np.flatnonzero(take.visible.any(axis=0))
     if len(shown) < _S.fewest or take.single is not None:
@@ -162,9 +165,9 @@ def _refusal(take: MarkerTake, why: str, what: str) -> TakeError:
 
 
 def _laid_over(positions_m: Array) -> tuple[Array, Array, Array, Array]:
-    """Return frames (F, N, 3) of a take, turns (F, 3, 3) and shifts (F, 3) to its mean shape, and the shape (N, 3).
+    """Return frames (F, N, 3) of a take, turns (F, 3, 3) and shifts (F, 3) to its mean shape, and that shape (N, 3).
 
-    Markers that move little relative to most others weigh most, so that the trunk is at rest.
+    Markers that move little relative to most others have the largest weights, so that the trunk is at rest.
     """
     count = np.isfinite(positions_m[..., 0]).sum(axis=1)
     telling = np.flatnonzero(count >= max(FEWEST_TORSO, 0.5 * count.max()))
@@ -182,7 +185,7 @@ def _laid_over(positions_m: Array) -> tuple[Array, Array, Array, Array]:
         spread_m = np.nan_to_num(median_of_known(np.linalg.norm(moved_m - shape_m, axis=-1)), nan=np.inf)
         weights = 1.0 / (_S.rest_m**2 + spread_m**2)
     radius_m = float(np.sqrt(np.nanmean(np.sum((shape_m - np.nanmedian(shape_m, axis=0)) ** 2, axis=-1))))
-    if not _S.radius_m[0] < radius_m < _S.radius_m[1]:  # a wrong unit, which is reported later
+    if not _S.radius_m[0] < radius_m < _S.radius_m[1]:  # the unit is wrong, which is reported later
         points_m, shifts_m, shape_m = (
             values * _S.usual_radius_m / radius_m for values in (points_m, shifts_m, shape_m)
         )
@@ -190,7 +193,7 @@ def _laid_over(positions_m: Array) -> tuple[Array, Array, Array, Array]:
 
 
 def _suits(trajectories: int, database: Database) -> list[_Suit]:
-    """Return the marker sets, in usual poses, that may have this number of trajectories."""
+    """Return the marker sets, in typical poses, that a take with this number of trajectories may show."""
     skeleton, found = default_skeleton(), []
     for name in marker_set_names():
         worn = load_marker_set(name)
@@ -220,16 +223,16 @@ def _starts(shape_m: Array, suit: _Suit) -> list[_Placement]:
 
 
 def _rough_placements(shape_m: Array, usual_m: Array) -> list[tuple[float, Array, Similarity]]:
-    """Return costs of a body's markers (M, 3) in the shape along all axes and headings.
+    """Return placements of a body with markers (M, 3) in the shape, along all axes and headings, with their costs.
 
-    Either the middles, the lowest or the highest markers are aligned: markers may be worn on the legs alone.
+    Each aligns either the median, the lowest or the highest markers, because markers may be worn on the legs alone.
     """
     found = []
     angles = 2.0 * np.pi * np.arange(_S.headings) / _S.headings
     headings = np.zeros((_S.headings, 3, 3))
     headings[:, 0, 0] = headings[:, 2, 2] = np.cos(angles)
     headings[:, 0, 2], headings[:, 1, 1], headings[:, 2, 0] = np.sin(angles), 1.0, -np.sin(angles)
-    for axis in TURNS.values():  # more placements at once would exceed the processor's cache
+    for axis in TURNS.values():  # more placements at once would exceed the CPU cache
         turns = headings @ axis
         turned_m = shape_m @ turns.transpose(0, 2, 1)
         middles_m = np.median(usual_m, axis=0) - np.median(turned_m, axis=1)
@@ -252,7 +255,7 @@ def _squares(points_m: Array, others_m: Array) -> Array:
 
 
 def _refined(shape_m: Array, usual_m: Array, fit: Similarity) -> _Placement:
-    """Return the placement after alternately assigning markers and fitting the shape to them."""
+    """Return the placement refined by alternately assigning markers and fitting the shape to them."""
     labels = np.full(len(shape_m), -1)
     cost = np.inf
     for _ in range(_S.refinements):
@@ -266,7 +269,7 @@ def _refined(shape_m: Array, usual_m: Array, fit: Similarity) -> _Placement:
 
 
 def _assigned(squares: Array, gate_m: float) -> tuple[float, IntArray]:
-    """Return cost and labels (N,) of the best assignment by squared distances (N, M), NaN for unknown ones."""
+    """Return cost and labels (N,) of the best assignment for squared distances (N, M), NaN where unknown."""
     squares = np.where(np.isfinite(squares), squares, np.inf)
     rows, columns = assign(squares / gate_m**2)
     labels = np.full(len(squares), -1)
@@ -279,7 +282,7 @@ def _assigned(squares: Array, gate_m: float) -> tuple[float, IntArray]:
 def _compare(
     points_m: Array, turns: Array, shifts_m: Array, fit: Similarity, marker_set: MarkerSet, database: Database
 ) -> _Guess:
-    """Return one assignment for all frames (F, N, 3), found alternately with the examples nearest to each frame."""
+    """Return one assignment for all frames (F, N, 3), found in alternation with the examples nearest to each frame."""
     size = 1.0 / fit.scale
     skeleton = scaled(default_skeleton(), size)
     model = SubjectModel(Subject("", skeleton, marker_set), database.reference_pose_of(skeleton, ""))
@@ -307,7 +310,7 @@ def _compare(
 
 
 def _nearest_examples(points_m: Array, labels: IntArray, examples_m: Array) -> Array:
-    """Return the examples (K, M, 3) nearest to points (N, 3); the points' labels may all be -1."""
+    """Return the examples (K, M, 3) nearest to points (N, 3), whose labels (N,) may all still be -1."""
     known = labels >= 0
     if known.any():
         apart2 = np.sum((points_m[known] - examples_m[:, labels[known]]) ** 2, axis=-1)
@@ -321,7 +324,7 @@ def _nearest_examples(points_m: Array, labels: IntArray, examples_m: Array) -> A
 
 
 def _worth_solving(guesses: Sequence[_Guess]) -> list[_Guess]:
-    """Return the best guesses, among them the best one whose body faces the other way than the best of all."""
+    """Return the best guesses, including the best of those whose body faces the opposite way to the very best one."""
     ordered: list[_Guess] = []
     for guess in sorted(guesses, key=lambda guess: guess.cost):
         if not any(
@@ -333,14 +336,14 @@ def _worth_solving(guesses: Sequence[_Guess]) -> list[_Guess]:
 
 
 def _is_turned(guess: _Guess, other: _Guess) -> bool:
-    """Return whether the bodies of two guesses face different ways in most frames."""
+    """Return whether the bodies of two guesses face opposite ways in most frames."""
     traces = np.einsum("fij,fij->f", guess.turns, other.turns)
     angles = np.arccos(np.clip(0.5 * (traces - 1.0), -1.0, 1.0))
     return bool(np.median(angles) > _S.turned_rad)
 
 
 def _solve(points_m: Array, guess: _Guess, database: Database) -> _Guess:
-    """Return the guess after alternately solving the frames, fitting the body and assigning the markers."""
+    """Return the guess refined by alternately solving the frames, fitting the body and assigning the markers."""
     worn, labels = guess.marker_set, guess.labels
     vertical = guess.turns[:, 1].mean(axis=0)
     upright = max(TURNS.values(), key=lambda turn: float(turn[1] @ vertical))
@@ -358,7 +361,7 @@ def _solve(points_m: Array, guess: _Guess, database: Database) -> _Guess:
         cost, labels = _assigned(mean_of_known(apart2), _S.free_m if ends_free else _S.solved_m)
         cost += float(np.sum((subject.marker_set.offsets_m - worn.offsets_m) ** 2))
         known = np.flatnonzero(labels >= 0)
-        if not len(known):  # the body is nowhere near the points
+        if not len(known):  # the body is far from all points
             return guess._replace(cost=cost, labels=labels)
         residual_m = float(np.sqrt(np.nanmedian(apart2[:, known, labels[known]])))
         observed = np.full((len(points_m), len(worn), 3), np.nan)
@@ -369,14 +372,14 @@ def _solve(points_m: Array, guess: _Guess, database: Database) -> _Guess:
 
 
 def _poses(part: MarkerTake, labels: IntArray, subject: Subject, database: Database) -> tuple[Array, Array]:
-    """Return rotations (F, J, 4) and root positions (F, 3) of frames with labelled trajectories."""
+    """Return rotations (F, J, 4) and root positions (F, 3), solved from trajectories with labels (N,)."""
     names = subject.marker_set.names
     named = replace(part, names=tuple(names[k] if k >= 0 else f"{i}" for i, k in enumerate(labels)))
     return solved_poses(named, worn_in(named, subject), database)
 
 
 def _decided(take: MarkerTake, why: str, solved: list[_Guess], shown: list[str]) -> RecognisedSuit:
-    """Return the best guess; raise TakeError if it does not fit, or its mirror image fits as well."""
+    """Return the best solved guess; raise TakeError if it does not fit, or if its mirror image fits as well."""
     best = min(solved, key=lambda guess: guess.cost)
     known = int(np.sum(best.labels >= 0))
     if known < _S.recognised * min(len(best.marker_set), len(shown)) or not best.residual_m < _S.residual_m:

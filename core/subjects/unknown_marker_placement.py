@@ -1,9 +1,10 @@
 """Placement of markers that are in no marker set, from a take's motion.
 
-A marker that is fixed in a bone's frame is worn on that bone. For bones that known markers determine, the poses show
-this directly. A limb that they leave undetermined is first fitted to the unknown markers: its first bone points at one
-of them, its second at another, the same two in all frames. The chosen pair is the one for which the markers move least
-in the frames of the bones and are closest to them. Then poses and positions are estimated alternately.
+A marker that stays in place in a bone's frame is worn on that bone. For bones whose poses the known markers determine,
+this can be tested directly. A limb that no known marker determines is first fitted to the unknown markers: its first
+bone points at one of them, its second bone at another, the same two in all frames. The pair is chosen so that the
+markers move least in the frames of the bones and are closest to them. Then poses and positions are estimated
+alternately.
 """
 
 from collections.abc import Sequence
@@ -34,18 +35,19 @@ class PlacementSettings:
     """Settings of the placement."""
 
     frames: int = 16  # number of frames, spread over the take
-    fewest: int = 4  # fewest of these frames that show whether a marker keeps its position
+    fewest: int = 4  # fewest of these frames in which a marker must be visible
     rounds: int = 2
-    moved_share: float = 0.5  # fraction of each update of the positions that is applied: they drift along a limb
-    spread_m: float = 0.02  # usual spread of a marker's position on its bone: skin, and error of the poses
-    flesh_m: float = 0.08  # usual distance of a marker from its bone
-    explained: float = 2.0  # cost of a marker on a determined bone below which it is on no undetermined limb
-    unexplained: float = 6.0  # cost, in the choice between fits of a limb, of a marker that is on no bone
-    largest_spread_m: float = 0.05  # largest spread of a marker that is on a bone
+    moved_share: float = 0.5  # applied fraction of each update of a position, because positions drift along a limb
+    spread_m: float = 0.02  # expected spread of a marker's position on its bone: skin motion and errors of the poses
+    flesh_m: float = 0.08  # expected distance of a marker from its bone
+    explained: float = 2.0  # cost on a determined bone below which a marker is not tried on undetermined limbs
+    unexplained: float = 6.0  # cost of a marker that is on no bone, when fits of a limb are compared
+    largest_spread_m: float = 0.05  # largest spread of a marker's position on its bone
     farthest_m: float = 0.2  # largest distance of a worn marker from its bone
-    # within this distance a placed marker may be a marker of the set, or the mirror image of one on the other side
+    # distance up to which a placed marker is identified with a marker of the set or with a placed one's mirror image
     usual_m: float = 0.08
-    # largest relative difference between a limb's first bone and the distance of a marker at which it points
+    # largest relative difference between the length of a limb's first bone and the distance to the marker at which it
+    # points
     size_share: float = 0.4
     every: int = 2  # step between the frames to which a limb is fitted
     hand_m: float = 0.15  # length of hand or foot beyond wrist or ankle
@@ -53,12 +55,12 @@ class PlacementSettings:
 
 _S = PlacementSettings()
 _MIRROR = np.array([-1.0, 1.0, 1.0])
-_LOOSE = ("fingers", "thumb")  # joints whose poses few markers determine
+_LOOSE = ("fingers", "thumb")  # joints that are not tried, because few markers determine their poses
 
 
 @dataclass(frozen=True)
 class _Limb:
-    """Joints of an undetermined limb: of its first and second bone, and those below."""
+    """Joints of an undetermined limb: those at which its first bone, its second bone and its hand or foot begin."""
 
     first: int
     second: int
@@ -71,12 +73,12 @@ class _Limb:
 
 
 def place_markers(take: MarkerTake, subject: Subject, database: Database, progress: Progress = no_progress) -> Subject:
-    """Return the subject with the unknown markers of a take added, if the motion shows their positions.
+    """Return the subject with those unknown markers of a take added whose positions the motion shows.
 
     Args:
-        take: Take with y up and the names of the subject's marker set.
+        take: Take with y up, labelled with the names of the subject's marker set.
         subject: Body with usual or measured offsets; its bones are kept.
-        database: Database whose poses complete those of the known markers.
+        database: Database that completes the poses where known markers are lacking.
     """
     shown = [name for name, visible in zip(take.names, take.visible.T, strict=True) if visible.any()]
     unknown = [name for name in shown if name not in subject.marker_set.names]
@@ -106,12 +108,12 @@ def _wearing(subject: Subject, places: tuple[Marker, ...]) -> Subject:
 
 
 def with_usual_offsets(subject: Subject, names: Sequence[str]) -> Subject:
-    """Return the subject with its placed markers made symmetric, or moved onto nearby markers of the set.
+    """Return the subject with placed markers moved onto nearby markers of the set, or made symmetric.
 
     The motion shows where a marker is along a bone, but hardly how thick the flesh below it is.
 
     Args:
-        names: Names in the take; placed markers may be the markers of the set that the take lacks.
+        names: Names in the take. Only the markers of the set that the take lacks can be placed ones.
     """
     markers, skeleton = subject.marker_set.markers, subject.skeleton
     rest = rot.identity((len(skeleton),))
@@ -134,7 +136,7 @@ def with_usual_offsets(subject: Subject, names: Sequence[str]) -> Subject:
 
 
 def _nearest(points_m: Array, others_m: Array) -> tuple[IntArray, IntArray]:
-    """Return the pairs of points (N, 3) and others (M, 3) that are near each other, one to one."""
+    """Return indices (K,) of points (N, 3) and (K,) of others (M, 3) that are near each other, matched one to one."""
     return assign(np.linalg.norm(points_m[:, None] - others_m, axis=-1) / _S.usual_m)
 
 
@@ -160,7 +162,7 @@ def _local_places(part: MarkerTake, subject: Subject, database: Database, points
 def _first_places(
     part: MarkerTake, start: Subject, database: Database, unknown: list[str], points_m: Array
 ) -> tuple[Marker, ...]:
-    """Return the positions shown by the poses of the known markers, or on undetermined limbs by fits of these limbs."""
+    """Return the markers in their first positions: on determined bones, or on undetermined limbs fitted to markers."""
     skeleton = start.skeleton
     positions_m, world = forward_kinematics(skeleton, *solved_poses(part, start, database))
     local_m = _in_bones(points_m, positions_m, world)
@@ -176,7 +178,7 @@ def _first_places(
         found = [_directed(limb, skeleton, points_m, positions_m[:, limb.first], costs) for limb in limbs]
         most = int(np.argmax([gain for gain, _ in found]))
         gain, pair = found[most]
-        if gain <= _S.unexplained:  # a limb that points at two markers always explains these
+        if gain <= _S.unexplained:  # a limb that points at two markers always explains these two
             break
         limb = limbs.pop(most)
         _lay(limb, skeleton, points_m, positions_m[:, limb.first], pair, costs, offsets_m)
@@ -184,14 +186,14 @@ def _first_places(
 
 
 def _nearest_on_bones(local_m: Array, skeleton: Skeleton) -> Array:
-    """Return the points of the bones that are nearest to points (..., J, 3) in the joints' frames."""
+    """Return the points on the bones (..., J, 3) that are nearest to points given in the joints' frames (..., J, 3)."""
     tips = skeleton.tips_m
     share = np.einsum("...jx,jx->...j", local_m, tips) / np.maximum(np.sum(tips**2, axis=1), 1e-9)
     return np.clip(share, 0.0, 1.0)[..., None] * tips
 
 
 def _cost(spread_m: Array, apart_m: Array) -> Array:
-    """Return the costs of markers for the spread of their positions on bones and their distances from the bones."""
+    """Return the costs of markers with given spreads on bones and given distances from them; inf if impossible."""
     costs = (spread_m / _S.spread_m) ** 2 + (apart_m / _S.flesh_m) ** 2
     possible = (spread_m <= _S.largest_spread_m) & (apart_m <= _S.farthest_m)
     return np.where(possible, costs, np.inf)
@@ -215,11 +217,11 @@ def _lengths_m(limb: _Limb, skeleton: Skeleton) -> Array:
 def _directed(
     limb: _Limb, skeleton: Skeleton, points_m: Array, root_m: Array, costs: Array
 ) -> tuple[float, tuple[int, int]]:
-    """Return by how much a limb that points at the best two markers lowers the costs, and these markers.
+    """Return the best two markers for a limb to point at, preceded by how much this lowers the costs.
 
     Args:
         root_m: First joint of the limb (F, 3).
-        costs: Costs (U, J) of the markers on the bones found before.
+        costs: Costs (U, J) of the markers on the bones that are determined so far.
     """
     lengths_m = _lengths_m(limb, skeleton)
     from_root_m = median_of_known(np.linalg.norm(points_m - root_m[:, None], axis=-1))
@@ -246,7 +248,7 @@ def _lay(
     costs: Array,
     offsets_m: Array,
 ) -> None:
-    """Point a limb at two markers; write costs (U, J) and positions (U, J, 3) of the markers on its bones."""
+    """Point a limb at two markers, and write the costs (U, J) and offsets (U, J, 3) of all markers on its bones."""
     lengths_m, joints = _lengths_m(limb, skeleton), (limb.first, limb.second, limb.end)
     course_m = _course(root_m, points_m[:, directed[0]], points_m[:, directed[1]], lengths_m)
     costs[:, joints], middle_m = _course_costs(points_m, course_m, lengths_m)
@@ -266,9 +268,9 @@ def _course(root_m: Array, elbow_m: Array, wrist_m: Array, lengths_m: Array) -> 
 
 
 def _course_costs(points_m: Array, course_m: Array, lengths_m: Array) -> tuple[Array, Array]:
-    """Return costs (U, 3) of markers (F, U, 3) on the bones of a course (F, 4, 3), and how far along each they are.
+    """Return costs (U, 3) of markers (F, U, 3) on three bones with joints (F, 4, 3), and positions (U, 3) along them.
 
-    The course does not show how a bone is turned about its axis, only positions along it and distances from it.
+    How a bone is turned about its axis is unknown, so only positions along it and distances from it are compared.
     """
     ways = np.diff(course_m, axis=1) / lengths_m[:, None]
     relative = points_m[:, :, None] - course_m[:, None, :3]
@@ -284,7 +286,7 @@ def _course_costs(points_m: Array, course_m: Array, lengths_m: Array) -> tuple[A
 def _kept_places(
     local_m: Array, skeleton: Skeleton, unknown: list[str], places: tuple[Marker, ...]
 ) -> tuple[Marker, ...]:
-    """Return the positions given by new poses: each marker on its bone, a neighbouring bone or none."""
+    """Return the markers with positions from new poses: each on its bone, on a neighbouring bone, or left out."""
     costs, offsets_m = _costs(local_m, skeleton)
     allowed = np.zeros(costs.shape, dtype=bool)
     for marker in places:
@@ -296,7 +298,7 @@ def _kept_places(
 
 
 def _chosen(costs: Array, offsets_m: Array, skeleton: Skeleton, unknown: list[str]) -> tuple[Marker, ...]:
-    """Return the markers on the bones with the least cost, without those that fit no bone."""
+    """Return each marker on the bone with the lowest cost; markers that fit no bone are left out."""
     joints: IntArray = costs.argmin(axis=1)
     return tuple(
         Marker(name, skeleton.names[joint], tuple(offsets_m[row, joint].tolist()), placed=True)

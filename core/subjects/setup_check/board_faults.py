@@ -7,11 +7,11 @@ import numpy as np
 from ...vision.calibration.calibration_board import Board, BoardView
 from .finding import Fault, Finding
 
-_SMALLEST_SQUARE_PX = 12.0  # smaller squares disturb each other's corners and show little of the lens's distortion
+_SMALLEST_SQUARE_PX = 12.0  # corners of smaller squares disturb each other and show little of the lens's distortion
 
 
 def board_faults(board: Board, views: Mapping[str, Sequence[BoardView]]) -> list[Finding]:
-    """Return findings on the size of the board in each camera's pictures.
+    """Return a finding for each camera in whose pictures the board is too small.
 
     Args:
         views: Detections of the board by each camera.
@@ -28,7 +28,7 @@ def board_faults(board: Board, views: Mapping[str, Sequence[BoardView]]) -> list
 
 
 def square_px(board: Board, view: BoardView) -> float:
-    """Return the median side of the board's squares in a view, pixels."""
+    """Return the median side length of the board's squares in a view, pixels."""
     columns = board.corner_grid[0]
     place = {int(number): pixel for number, pixel in zip(view.ids, view.pixels, strict=True)}
     pairs = [(n, n + 1) for n in place if (n + 1) % columns] + [(n, n + columns) for n in place]

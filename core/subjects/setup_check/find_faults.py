@@ -1,4 +1,4 @@
-"""The complete check, from pictures of the empty room and of a performer to findings."""
+"""The complete check: from pictures of the background and of a performer to findings."""
 
 from collections.abc import Callable, Iterable, Sequence
 
@@ -32,18 +32,18 @@ def check_setup(
     marker_set: MarkerSet,
     height_m: float | None = None,
 ) -> list[Finding]:
-    """Return the faults to fix first; none if all is well.
+    """Return the faults to fix first, or an empty list if all is well.
 
-    Faults that hide others come first; consequences are not judged before their cause is fixed.
+    Faults that hide others come first: a possible consequence is not checked until its cause is fixed.
 
     Args:
-        rig: Calibrated cameras; the performer's position is judged if the floor is y = 0.
+        rig: Calibrated cameras; the performer's position is checked only if the floor is y = 0.
         backgrounds: Background of each camera.
-        moments: Images of a performer with the markers: two seconds of T pose, then walking for as long.
-        height_m: Height of the performer if known; it shows a wrong scale more reliably.
+        moments: Images of a performer with the markers: two seconds in a T pose, then walking for as long.
+        height_m: Height of the performer; None if unknown. A known height reveals a wrong scale more reliably.
 
     Raises:
-        CaptureError: There are too few images, or their size is not the calibration's.
+        CaptureError: There are too few images, or their size differs from the calibration's.
     """
     pipeline = MarkerPipeline(rig)
     pipeline.set_backgrounds(backgrounds)
@@ -68,7 +68,7 @@ def check_setup(
     if found := scale_fault(poses, height_m):
         return found
     points_m = np.concatenate([frame.points_m for frame in frames])
-    has_floor = rig.cameras[0].centre_m[1] > 0.05  # without a floor, the first camera is the origin
+    has_floor = rig.cameras[0].centre_m[1] > 0.05  # without a floor, the first camera is at the origin
     if len(points_m) and has_floor:
         found = place_fault(rig, np.median(points_m, axis=0), height_m or DEFAULT_HEIGHT_M)
     return found or missing_fault(rig, poses, marker_set)
@@ -80,11 +80,11 @@ def check_pictures(
     moments: Iterable[ImageSet],
     ignored: Sequence[Place] = (),
 ) -> list[Finding]:
-    """Return the faults that pictures from cameras without a calibration show; see `check_setup`.
+    """Return the faults that can be seen in pictures from uncalibrated cameras; see `check_setup`.
 
     Args:
         names: Names of the cameras.
-        ignored: Positions where blobs are ignored (see `CameraRig.ignored`).
+        ignored: Positions at which blobs are ignored (see `CameraRig.ignored`).
     """
     rows = np.array(ignored, dtype=np.float64).reshape(-1, 3)
     detectors = [
@@ -103,7 +103,7 @@ def _picture_faults(
     moments: Iterable[ImageSet],
     detect: Callable[[ImageSet], Sequence[FloatArray]],
 ) -> list[Finding]:
-    """Return faults of single cameras; `detect` returns each camera's blobs at a moment."""
+    """Return the faults of single cameras; `detect` returns the blobs of each camera at a moment."""
     titles = [camera_title(index, names) for index in range(len(names))]
     if found := [finding for pair in zip(titles, backgrounds, strict=True) for finding in room_faults(*pair)]:
         return found
@@ -121,7 +121,7 @@ def _picture_faults(
 
 
 def _camera_faults(titles: Sequence[str], recorders: Sequence[SpotRecorder]) -> list[Finding]:
-    """Return faults of single cameras; a blur dims markers, so it comes first."""
+    """Return the faults of single cameras; those of focus and shutter come first, because blur also dims markers."""
     blunt, dim, false = [], [], []
     cameras = [recorder.result() for recorder in recorders]
     moving = moving_images(cameras)

@@ -3,11 +3,11 @@
 from dataclasses import dataclass
 from enum import StrEnum
 
-Place = tuple[int, float, float]  # index of the camera, pixel
+Place = tuple[int, float, float]  # camera index, x and y in pixels
 
 
 class Fault(StrEnum):
-    """Faults that pictures can show."""
+    """Kinds of faults that the check can find."""
 
     DARK = "too dark"
     BRIGHT = "too bright"
@@ -24,7 +24,7 @@ class Fault(StrEnum):
     MARKER_MISSING = "marker missing"
 
 
-# faults that pictures of one camera show, calibrated or not
+# faults that the pictures of a single camera show, calibrated or not
 PICTURE_FAULTS = frozenset({Fault.DARK, Fault.BRIGHT, Fault.BLURRED, Fault.SHUTTER, Fault.REFLECTION})
 
 
@@ -33,7 +33,7 @@ class Finding:
     """A fault, its location and advice.
 
     Args:
-        where: Camera, or "" for all.
+        where: Title of the camera; "" if the fault concerns all.
         text: Fact and advice as a sentence.
         places: Positions in images around which rings are drawn.
     """

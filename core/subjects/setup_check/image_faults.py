@@ -13,33 +13,33 @@ from .spots import Spots
 
 @dataclass(frozen=True)
 class ImageLimits:
-    """Limits for pictures without faults."""
+    """Limits that pictures without faults meet."""
 
-    bright_room: float = 110.0  # median grey level of the empty image: reflectors hardly rise above it
+    bright_room: float = 110.0  # median grey level of the background above which reflectors hardly stand out
     saturated: float = 250.0  # grey level that counts as saturated
-    most_saturated: float = 0.06  # share of saturated pixels in the empty image
-    dim_marker: float = 110.0  # grey level below which a marker is lost when it turns or moves away
-    small_rise: float = 50.0  # rise of a marker smaller than two pixels, grey levels; a dim marker has less
-    small_px: float = 1.4  # radius below which a blob has no measurable edge
-    tiny_px: float = 1.15  # radius below which its streak is not measurable: noise looks like an exposure of 40 ms
-    most_empty: float = 0.5  # share of images with hardly any blobs above which markers are not judged
-    blunt_px: float = 3.2  # width of a blurred edge; a sharp one has about 2
+    most_saturated: float = 0.06  # largest share of saturated pixels in the background
+    dim_marker: float = 110.0  # grey level of markers below which they are lost when they turn or move away
+    small_rise: float = 50.0  # contrast of a bright marker smaller than two pixels, grey levels; dim ones have less
+    small_px: float = 1.4  # radius below which the edge of a blob cannot be measured
+    tiny_px: float = 1.15  # radius below which a streak cannot be measured: noise looks like 40 ms of exposure
+    most_empty: float = 0.5  # share of images with hardly any blobs above which no markers are measured
+    blunt_px: float = 3.2  # edge width above which the image is blurred; a sharp edge has about 2
     still_px_s: float = 40.0
-    fast_px_s: tuple[float, float] = (120.0, 80.0)  # speed of moving markers; of slow performers, with streaks at 14 ms
+    fast_px_s: tuple[float, float] = (120.0, 80.0)  # speed from which markers are fast; if few are, the second
     fewest_fast: int = 15
-    long_s: float = 0.009  # exposure that is too long: 3 cm at 3 m/s
-    streak_px: float = 1.0  # visible motion during the exposure
+    long_s: float = 0.009  # exposure above which the shutter is too slow: 3 cm at 3 m/s
+    streak_px: float = 1.0  # shortest streak that is measured
     unmoved_px: float = 0.7
-    moving_px_s: float = 60.0  # median speed of the spots above which the performer moves
-    fewest_moving: int = 15  # images: half a second at 30 Hz
-    always: float = 0.85  # share of these images that show a reflection; a foot stands in at most half of them
+    moving_px_s: float = 60.0  # median speed of blobs above which the performer is moving
+    fewest_moving: int = 15  # fewest images with motion: half a second at 30 Hz
+    always: float = 0.85  # share of these images in which a reflection appears; a foot is still in at most half
 
 
 LIMITS = ImageLimits()
 
 
 def room_faults(camera: str, background: Background) -> list[Finding]:
-    """Return a finding if the empty room is too bright."""
+    """Return a finding if the background is too bright."""
     level = background.mean.max(axis=2)
     saturated = float(np.mean(level > LIMITS.saturated))
     if float(np.median(level)) > LIMITS.bright_room or saturated > LIMITS.most_saturated:
@@ -52,14 +52,14 @@ def marker_light_faults(camera: str, spots: Spots, rises: Sequence[float], image
     """Return findings if markers are too dim or too small.
 
     Args:
-        rises: Grey levels of the brightest pixels above the empty room, for images with hardly any spots.
-        images: Number of all images.
+        rises: Contrast of the brightest pixels to the background, grey levels, in each image with hardly any blobs.
+        images: Number of images, including those.
     """
     is_empty = len(rises) > LIMITS.most_empty * images
     usual = 0.0 if is_empty else float(np.percentile(spots.brightness, 80.0))
     if usual >= LIMITS.dim_marker:
         return []
-    # markers smaller than a pixel are dim, too
+    # markers smaller than a pixel are also dim, but for another reason
     is_small = (
         float(np.median(rises)) > LIMITS.small_rise if is_empty else float(np.median(spots.radius_px)) < LIMITS.small_px
     )
@@ -73,7 +73,7 @@ def marker_light_faults(camera: str, spots: Spots, rises: Sequence[float], image
 
 
 def sharpness_faults(camera: str, spots: Spots) -> list[Finding]:
-    """Return findings on the focus and shutter of a camera."""
+    """Return a finding if the camera is out of focus or its shutter too slow."""
     radius_px = float(np.median(spots.radius_px)) if len(spots.radius_px) else 0.0
     slow = spots.speed_px_s < LIMITS.still_px_s
     edges = spots.edge_px[slow & np.isfinite(spots.edge_px)]
@@ -90,7 +90,7 @@ def sharpness_faults(camera: str, spots: Spots) -> list[Finding]:
 def estimate_exposure_s(spots: Spots) -> float:
     """Return the exposure time from the streaks of moving markers, 0 if unknown.
 
-    A motion of length s adds s^2 / 12 to the second moment along it.
+    A streak of length s adds s^2 / 12 to the second moment along the motion.
     """
     measured = np.isfinite(spots.spread_px2[:, 0, 0])
     for least_px_s in LIMITS.fast_px_s:
@@ -111,7 +111,7 @@ def estimate_exposure_s(spots: Spots) -> float:
 
 
 def moving_images(cameras: Sequence[Spots]) -> IntArray:
-    """Return the images (K,) in which any camera sees the performer move.
+    """Return the indices (K,) of the images in which any camera sees the performer move.
 
     Reflections may hide the motion from one camera.
     """
@@ -125,7 +125,7 @@ def moving_images(cameras: Sequence[Spots]) -> IntArray:
 
 
 def reflections(index: int, camera: str, spots: Spots, moving: IntArray) -> list[Finding]:
-    """Return a finding on spots that stay in place in images `moving`, in which the performer moves."""
+    """Return a finding on blobs that stay in place in the images `moving`, in which the performer moves."""
     still = _still_places(spots, moving)
     if not len(still):
         return []
@@ -135,7 +135,7 @@ def reflections(index: int, camera: str, spots: Spots, moving: IntArray) -> list
 
 
 def _still_places(spots: Spots, moving: IntArray) -> Array:
-    """Return positions (K, 2) with a spot in almost all images with motion."""
+    """Return the positions (K, 2) at which almost all images `moving` have a blob."""
     taking_part = np.isin(spots.images, moving)
     images, pixels = spots.images[taking_part], spots.pixels[taking_part]
     places: list[Array] = []

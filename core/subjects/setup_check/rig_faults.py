@@ -1,4 +1,4 @@
-"""Faults of the positions of cameras and performer."""
+"""Faults in the positions of cameras and performer."""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -14,16 +14,16 @@ from ...vision.common_space import CommonSpace, common_space
 from ...vision.matching.camera_swap import ImageMismatch
 from .finding import Fault, Finding
 
-# A rotation almost along the epipolar lines adds little error, but correction removes nearly all of it. A bump is clear
-# above this error in pixels and this ratio of the errors before and after the correction.
+# A camera that turned almost along the epipolar lines causes little error, but correcting the rig removes nearly all of
+# it. So a bump is clear above this error in pixels and this ratio of the errors before and after correction.
 _CLEAR = (0.4, 6.0)
-_SHARES = (0.2, 0.05)  # smallest shares of moments that reveal exchanged and flipped images
+_SHARES = (0.2, 0.05)  # share of moments that reveals exchanged images, and flipped ones
 
 
 def mismatch_fault(mismatches: Sequence[ImageMismatch | None]) -> list[Finding]:
     """Return a finding if the images seem exchanged, mirrored or upside down in many moments."""
     for mismatch, noted in Counter(each for each in mismatches if each is not None).most_common():
-        # flips are tested one after another, so they need fewer moments
+        # each moment is tested for one kind of flip only, so a smaller share is enough
         if noted < (_SHARES[0] if mismatch.is_exchange else _SHARES[1]) * len(mismatches):
             continue
         if mismatch.is_exchange:
@@ -35,7 +35,7 @@ def mismatch_fault(mismatches: Sequence[ImageMismatch | None]) -> list[Finding]:
 
 
 def bump_fault(rig: CameraRig, frames: Sequence[MarkerFrame]) -> list[Finding]:
-    """Return a finding if a camera no longer stands where it was calibrated."""
+    """Return a finding if a camera has moved since it was calibrated."""
     try:
         found = refine_rig(rig, [frame.blobs for frame in frames])
     except CalibrationError:
@@ -69,7 +69,7 @@ def place_fault(rig: CameraRig, torso_m: Array, height_m: float) -> list[Finding
 
 
 def _depths_m(space: CommonSpace, rig: CameraRig, x_m: float) -> tuple[float | None, float]:
-    """Return the smallest and the largest visible distance from the cameras at the nearest visible x."""
+    """Return the smallest and largest distance at which the cameras see a performer near x; None if they never do."""
     columns = np.flatnonzero(space.seen.any(axis=0))
     if not len(columns):
         return None, 0.0
@@ -80,6 +80,6 @@ def _depths_m(space: CommonSpace, rig: CameraRig, x_m: float) -> tuple[float | N
 
 
 def _depth_m(rig: CameraRig, point_m: Array) -> float:
-    """Return the horizontal distance from the midpoint of the cameras."""
+    """Return the horizontal distance of a point from the midpoint of the cameras."""
     middle = np.mean([camera.centre_m for camera in rig.cameras], axis=0)
     return float(np.hypot(*(point_m - middle)[[0, 2]]))

@@ -1,4 +1,4 @@
-"""Shape of markers in images: sharpness, streaks, speed."""
+"""Blobs measured in images: sharpness, streaks, speed."""
 
 from dataclasses import dataclass
 
@@ -8,22 +8,23 @@ import numpy as np
 from ...geometry.arrays import Array, FloatArray, Image, IntArray
 from ...vision.matching.image_tracks import BlobLinker
 
-_FEWEST_SPOTS = 3  # fewest spots in an image that shows markers
-_LEAST_PEAK = 20.0  # rise of a spot with a measurable edge above its surroundings, grey levels
+_FEWEST_SPOTS = 3  # fewest blobs in an image that shows markers
+_LEAST_PEAK = 20.0  # smallest contrast to the surroundings with a measurable edge, grey levels
 
 
 @dataclass(frozen=True)
 class Spots:
-    """Spots in the images of one camera.
+    """Blobs in the images of one camera, with their shape and velocity.
 
     Args:
-        images: Index (N,) of the image.
+        images: Index (N,) of each blob's image.
         pixels: Centres (N, 2).
         brightness: Grey levels (N,) of the brightest channel.
         radius_px: Radii (N,).
-        edge_px: Widths (N,) of edges, contrast over steepest slope: about 2 for a sharp spot; NaN if not measurable.
+        edge_px: Widths (N,) of edges, contrast divided by the steepest slope: about 2 for a sharp blob; NaN if not
+            measurable.
         spread_px2: Second moments (N, 2, 2) of the light about the centre.
-        velocity_px_s: Velocities (N, 2), NaN where the spot is missing in the image before or after.
+        velocity_px_s: Velocities (N, 2), NaN where the blob is missing in the image before or after.
     """
 
     images: IntArray
@@ -41,10 +42,10 @@ class Spots:
 
 
 class SpotRecorder:
-    """Measures the spots of one camera, image by image.
+    """Measures the blobs of one camera, image by image.
 
     Args:
-        level: Grey levels (height, width) of the empty room's brightest channel.
+        level: Grey levels (height, width) of the background's brightest channel.
     """
 
     def __init__(self, level: FloatArray) -> None:
@@ -55,14 +56,14 @@ class SpotRecorder:
         self._tracks: list[IntArray] = []
         self._shapes: list[tuple[float, Array]] = []
         self.images = 0
-        # grey levels of the brightest pixels above the empty room, for images with hardly any spots
+        # contrast of the brightest pixels to the background, grey levels, in each image with hardly any blobs
         self.rises: list[float] = []
 
     def add(self, time_s: float, image: Image, blobs: FloatArray) -> None:
         """Add the next image and its blobs (n, 5) from `Detector.detect`."""
         if len(blobs) < _FEWEST_SPOTS:
             rise = (image.max(axis=2) - self._level).ravel()
-            self.rises.append(float(np.partition(rise, -6)[-6]))  # brighter pixels may be faults of the sensor
+            self.rises.append(float(np.partition(rise, -6)[-6]))  # brighter pixels may be sensor defects
         self.images += 1
         self._times_s.append(time_s)
         self._blobs.append(blobs)
@@ -70,7 +71,7 @@ class SpotRecorder:
         self._shapes += [_shape(image, row) for row in blobs]
 
     def result(self) -> Spots:
-        """Return the spots of all images."""
+        """Return the blobs of all images."""
         table = np.concatenate([np.empty((0, 5)), *self._blobs]).astype(np.float64)
         tracks = np.concatenate([np.empty(0, dtype=np.int64), *self._tracks])
         images = np.repeat(np.arange(len(self._blobs)), [len(rows) for rows in self._blobs])
@@ -81,7 +82,7 @@ class SpotRecorder:
 
 
 def _shape(image: Image, row: FloatArray) -> tuple[float, Array]:
-    """Return edge width and second moments of a blob, NaN if they cannot be measured."""
+    """Return the edge width and the second moments (2, 2) of a blob, NaN if they cannot be measured."""
     unknown = float("nan"), np.full((2, 2), np.nan)
     x, y = round(float(row[0])), round(float(row[1]))
     reach = round(2.0 * float(row[2])) + 7
@@ -109,7 +110,7 @@ def _shape(image: Image, row: FloatArray) -> tuple[float, Array]:
 
 
 def _velocities(ids: IntArray, numbers: IntArray, pixels: Array, times_s: Array) -> Array:
-    """Return velocities (N, 2) from the previous and next image, NaN if the spot is missing there."""
+    """Return velocities (N, 2) from the previous to the next image, NaN if the blob is missing in either."""
     place = {
         (track, number): row for row, (track, number) in enumerate(zip(ids.tolist(), numbers.tolist(), strict=True))
     }

@@ -22,14 +22,14 @@ class TPoseSettings:
     """Settings for the faults that a T pose reveals."""
 
     sizes: tuple[float, ...] = (1.0, 0.5, 0.63, 0.8, 1.25, 1.6, 2.0)  # scales of the world to try
-    like_pose_m: float = 0.05  # RMS distance from a T pose
+    like_pose_m: float = 0.05  # largest RMS distance of the markers from a T pose
     searched: int = 16  # number of moments searched
     fewest_markers: int = 4
     fewest_moments: int = 3
     never: float = 0.2  # largest share of the moments in which a missing marker may appear
-    near_px: float = 25.0  # distance of a blob that may be an expected marker
+    near_px: float = 25.0  # largest distance of a blob from an expected marker that it may be
     known_scale: float = 0.10  # largest deviation of the scale if the performer's height is known
-    unknown_scale: float = 0.22  # largest deviation of the scale if it is unknown
+    unknown_scale: float = 0.22  # largest deviation of the scale if the height is unknown
 
 
 SETTINGS = TPoseSettings()
@@ -40,8 +40,8 @@ class TPose:
     """A performer recognised in a T pose.
 
     Args:
-        size: Scale of the world, 1 if it is correct.
-        labelled: Mask (M,) of the markers found as points.
+        size: Scale of the performer in this world; 1 if the world's scale is correct.
+        labelled: Mask (M,) of the markers that were found among the points.
         markers_m: Expected positions (M, 3) of the markers in world axes.
     """
 
@@ -73,7 +73,7 @@ def _count(poses: Sequence[tuple[MarkerFrame, TPose]]) -> int:
 
 
 def _recognise(points_m: Array, template_m: Array, size: float) -> TPose | None:
-    """Return the T pose that points show in a world of a given scale, or None for another pose."""
+    """Return the T pose that points show in a world of about the given scale; None if they show another pose."""
     labels = label_by_template(points_m / size, template_m)
     known = np.flatnonzero(labels >= 0)
     if len(known) < SETTINGS.fewest_markers:
@@ -91,7 +91,7 @@ def _recognise(points_m: Array, template_m: Array, size: float) -> TPose | None:
 
 
 def scale_fault(poses: Sequence[tuple[MarkerFrame, TPose]], height_m: float | None) -> list[Finding]:
-    """Return a finding if the world is too large or too small for the performer."""
+    """Return a finding if the world's scale does not fit the performer's height."""
     if len(poses) < SETTINGS.fewest_moments:
         return []
     size = float(np.median([pose.size for _, pose in poses]))
@@ -105,7 +105,7 @@ def scale_fault(poses: Sequence[tuple[MarkerFrame, TPose]], height_m: float | No
 
 
 def missing_fault(rig: CameraRig, poses: Sequence[tuple[MarkerFrame, TPose]], marker_set: MarkerSet) -> list[Finding]:
-    """Return a finding if no camera sees some markers of the set."""
+    """Return a finding on the markers of the set that no camera sees."""
     if len(poses) < SETTINGS.fewest_moments:
         return []
     seen = np.mean([pose.labelled | _has_blob(rig, frame, pose) for frame, pose in poses], axis=0)
@@ -118,7 +118,7 @@ def missing_fault(rig: CameraRig, poses: Sequence[tuple[MarkerFrame, TPose]], ma
 
 
 def _has_blob(rig: CameraRig, frame: MarkerFrame, pose: TPose) -> Mask:
-    """Return a mask (M,) of the markers with an unused blob near their expected position."""
+    """Return a mask (M,) of the markers with a blob near their expected position that belongs to no point."""
     found = np.zeros(len(pose.markers_m), dtype=bool)
     for camera, view in enumerate(rig.cameras):
         free = np.setdiff1d(np.arange(len(frame.blobs[camera])), frame.point_blobs[:, camera])
