@@ -24,7 +24,8 @@ class CellSettings:
     """Settings for the distance between frames and the number of cells."""
 
     least_frames: int = 16_384  # smallest database with cells; in a smaller one, visiting all frames is as fast
-    joints: tuple[str, ...] = ("head", "lhumerus", "lhand", "rhumerus", "rhand", "lfoot", "rfoot")  # with a marker each
+    # joints that carry one marker each
+    joints: tuple[str, ...] = ("head", "lhumerus", "lhand", "rhumerus", "rhand", "lfoot", "rfoot")
     markers: float = 0.8  # weight of squared marker distances (m^2), as in the solver's queries
     poses: float = 0.2  # weight of squared joint angles (rad^2)
     components: int = 24  # principal components of markers and poses

@@ -34,7 +34,7 @@ class CullSettings:
     components: int = 12  # number of principal components
     candidates: int = 4  # nearest frames in principal-component space that are compared
     samples: int = 20_000  # frames used to compute the components
-    tree: int = 4096  # fewest frames for which a search tree is faster than comparing all
+    tree: int = 4096  # fewest frames for which a search tree is faster than comparing with all of them
 
 
 SETTINGS = CullSettings()
@@ -83,7 +83,7 @@ class _Kept:
         self._parts: list[tuple[cKDTree | None, FloatArray]] = []
 
     def features(self, frames: IntArray) -> FloatArray:
-        """Return each frame's pose and the later one (n, 2 D)."""
+        """Return each frame's pose, joined with the pose `ahead_s` later (n, 2 D)."""
         return np.concatenate((self._poses[frames], self._poses[frames + self._ahead]), axis=1)
 
     def _components(self, features: FloatArray) -> FloatArray:
@@ -91,7 +91,7 @@ class _Kept:
         return (halves @ self._axes).reshape(len(features), -1)
 
     def holds(self, features: FloatArray) -> Mask:
-        """Return a mask (n,) of the features that have a kept frame within the radius."""
+        """Return a mask (n,) of the features within the radius of a kept frame's features."""
         result = np.zeros(len(features), dtype=np.bool_)
         components = self._components(features)
         for tree, points in self._parts:

@@ -82,7 +82,7 @@ class Header:
 FACTS = Schema(Header, "Header of a database", "JSON at the beginning of the file.", DatabaseError, REBUILD)
 
 
-@lru_cache(maxsize=1)  # every solver checks the database again
+@lru_cache(maxsize=1)  # every new solver reads the same header again
 def read_header(path: Path, header: bytes) -> Header:
     """Return the contents of a header.
 

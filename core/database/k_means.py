@@ -47,7 +47,7 @@ def nearest_centres(points: FloatArray, centres: FloatArray, mapped: Map = map, 
 
     def nearest(start: int) -> NDArray[np.int64]:
         some = points[start : start + chunk]
-        # squared distances less the point's squared norm, which is the same for all centres
+        # squared distances without the point's squared norm, which is the same for all centres
         return np.argmin(np.column_stack((some, np.ones(len(some), some.dtype))) @ factors, axis=1)
 
     return np.concatenate(list(mapped(nearest, range(0, len(points), chunk))))

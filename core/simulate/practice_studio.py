@@ -30,7 +30,7 @@ FPS, SECONDS, EMPTY_FRAMES = 30.0, 6.0, 6
 
 @dataclass(frozen=True)
 class Studio:
-    """Pictures taken in a studio, and its user's calibration.
+    """Pictures taken in a studio, and the calibration that its user has made.
 
     Args:
         empty: Images of the empty room, by moment.

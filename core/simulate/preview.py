@@ -26,7 +26,7 @@ from .studio.studio_settings import TABLES
 
 @dataclass(frozen=True)
 class PreviewStyle:
-    """Style of the pictures; colours are BGR."""
+    """Style of preview pictures; colours are BGR."""
 
     shadow: tuple[float, float] = (-0.42, -0.40)  # shift of a shadow in x and z per metre of height
     ring: tuple[float, float, float] = (90.0, 230.0, 120.0)  # colour of the rings around detections
@@ -106,7 +106,7 @@ def floor_image(camera: Camera) -> Image:
 
 
 def brightened(image: Image) -> Image:
-    """Return a marker camera's image, which shows little but markers, with its dark parts brightened."""
+    """Return an image with its dark parts brightened, because a capture's images show little but markers."""
     table = np.rint(255.0 * (np.arange(256) / 255.0) ** 0.55).astype(np.uint8)
     return np.asarray(cv2.LUT(image, table), dtype=np.uint8)
 

@@ -56,7 +56,8 @@ from .studio.video import write_video
 
 MARKER_SET = "boxing"
 _VIDEO_EVERY = 2  # the video shows every second frame
-_POSES_BEFORE = ("hanging", "motorcycle")  # calibration poses held before the performance, which has only the T pose
+# calibration poses held before the performance, which itself contains only the T pose
+_POSES_BEFORE = ("hanging", "motorcycle")
 _FIGURES = (
     "deg_per_joint",
     "deg_per_angle",

@@ -14,7 +14,8 @@ from .simulated_markers import simulate_markers
 class KeypointErrors:
     """Errors of keypoints; standard deviations are per coordinate."""
 
-    own_m: tuple[float, float] = (0.01, 0.03)  # smallest and largest constant offset of one person's keypoint
+    # smallest and largest constant offset of a keypoint, which differs from person to person
+    own_m: tuple[float, float] = (0.01, 0.03)
     slow_m: float = 0.025  # standard deviation of the slow errors
     slow_s: tuple[float, float] = (0.2, 0.5)  # smallest and largest time constant of the slow errors
     fast_m: float = 0.006  # standard deviation of the noise that is independent in every frame
@@ -29,7 +30,7 @@ def simulate_keypoints(
     """Return the keypoints of a motion, with the constant offsets of a random person and with random errors.
 
     Args:
-        keypoints: Set of keypoints with their usual offsets.
+        keypoints: Set of keypoints with the offsets of an average person.
         seed: Seed of the offsets and errors.
     """
     random = np.random.default_rng(seed)
@@ -37,7 +38,7 @@ def simulate_keypoints(
     own = random.normal(size=(count, 3))
     own *= random.uniform(*errors.own_m, (count, 1)) / np.linalg.norm(own, axis=1, keepdims=True)
     take, _ = simulate_markers(motion, keypoints.with_offsets(keypoints.offsets_m + own))
-    # Ornstein-Uhlenbeck processes
+    # the slow errors are Ornstein-Uhlenbeck processes
     keep = np.exp(-1.0 / (motion.fps * random.uniform(*errors.slow_s, (count, 1))))
     slow = random.normal(size=(motion.frames, count, 3))
     for frame in range(1, motion.frames):

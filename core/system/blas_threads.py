@@ -10,7 +10,8 @@ import scipy
 
 _CHOICES = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS")  # environment variables of OpenBLAS, read when it is loaded
 _FOLDERS = ("{}.libs", "{}/.dylibs")  # library folders of wheels: Linux and Windows; macOS
-_PREFIXES, _SUFFIXES = ("scipy_openblas", "openblas"), ("64_", "")  # around the function names of OpenBLAS in wheels
+# before and after the names of OpenBLAS's functions in wheels
+_PREFIXES, _SUFFIXES = ("scipy_openblas", "openblas"), ("64_", "")
 
 
 @cache

@@ -21,7 +21,7 @@ from .lock import is_locked
 from .outputs import LOCK_ENDING, is_claimed, writer_lock
 from .schema import Table, plain
 
-SLACK_BYTES = 64 << 20  # memory that the content of even the smallest file may take
+SLACK_BYTES = 64 << 20  # memory that the content of any file may take, however small the file is
 _MOST_TABLES = 30_000  # largest number of tables in a TOML file
 _DEEPEST_TOML = 32  # largest nesting depth, and largest number of parts of a dotted key
 # TOML strings and comments, even unterminated ones. Possessive quantifiers: one pass without backtracking.
@@ -30,7 +30,8 @@ _QUOTED = re.compile(
     r"""|"(?:[^"\\\n]|\\[^\n]?)*+"?|'[^'\n]*+'?""",
     re.DOTALL,
 )
-_DEEP_KEY = re.compile(rf"(?:\.[\w \t-]*+){{{_DEEPEST_TOML}}}")  # the parser's time and memory grow with the square
+# the parser needs time and memory that grow with the square of the depth
+_DEEP_KEY = re.compile(rf"(?:\.[\w \t-]*+){{{_DEEPEST_TOML}}}")
 _LONG_WORD = re.compile(r"[\w+-]{1001}")  # the parser uses a hundred bytes per digit
 _NUMBERS = re.compile(r"\[\s+((?:[\w.+-]+,\s+)+)\]")  # list of numbers, one per line
 _LEFT_BEHIND_S = 3600.0  # age above which a temporary file counts as abandoned
@@ -234,7 +235,7 @@ def _check_toml_value(key: str, value: Any, levels: int) -> None:
     """Raise ValueError for values that no valid file contains."""
     if levels == 0:
         raise ValueError(f"nested more than {_DEEPEST_TOML} levels deep")
-    if isinstance(value, int | float) and not abs(value) < 1e18:  # keeps its square finite
+    if isinstance(value, int | float) and not abs(value) < 1e18:  # so that its square is finite in float32
         raise ValueError(f"a number in {shorten(key, 40)} is not finite, or too large")
     if isinstance(value, str) and "\0" in value:  # impossible in paths
         raise ValueError(f"a string in {shorten(key, 40)} contains NUL")

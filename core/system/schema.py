@@ -62,7 +62,7 @@ class Via:
 
     Args:
         form: Type of the form.
-        read: Turns the form into the value; the second argument is the place for error messages.
+        read: Turns the form into the value; the second argument says where the value is, for error messages.
         write: Turns the value into the form.
     """
 
@@ -76,14 +76,14 @@ class _WrongError(Exception):
 
 
 class _MisfitError(Exception):
-    """A table is not valid; the arguments are place and fact."""
+    """A table is not valid; the arguments say where it is and what is wrong."""
 
 
 class Key:
     """A dataclass field as a key of its table."""
 
     about = About("")
-    holds: tuple[Any, ...] = ()  # str, bool, int, float, Mapping, Enums or dataclasses
+    holds: tuple[Any, ...] = ()  # valid types: str, bool, int, float, Mapping, Enums or dataclasses
     _shape: Shape = ()  # lengths of nested lists
     _is_named = False  # a table of values with arbitrary names
     _array: Any = None  # type of an array's numbers

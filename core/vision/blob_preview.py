@@ -20,8 +20,8 @@ def draw_blobs(
 ) -> None:
     """Draw rings around detected blobs in a camera's reduced picture (BGR), in place.
 
-    A ring is green if another camera sees the blob, too, orange if only this one sees it, and red if the blob is not
-    taken for a marker. A blob that only another camera sees is shown as its epipolar line, an ignored position as a
+    A ring is green if another camera sees the blob, too, orange if only this one sees it, and red if the blob is
+    rejected as a marker. A blob that only another camera sees is shown as its epipolar line, an ignored position as a
     cross.
     """
     write_line(picture, f"threshold {thresholds[camera]:.0f}")

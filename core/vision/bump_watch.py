@@ -23,7 +23,7 @@ Start = Callable[..., "Future[Refinement | None]"]
 class BumpSettings:
     """Conditions for suspecting that cameras have moved."""
 
-    fewest_blobs: int = 4  # fewest blobs in a moment that counts
+    fewest_blobs: int = 4  # fewest blobs in a moment for its error to be judged
     judged: int = 30  # number of moments whose median error is judged: half a second at 60 Hz
     suspect_px: float = 0.9  # suspicious median error; unsynchronised rolling shutters cause a third to a half of it
     suspect_s: float = 3.0  # duration of suspicious errors after which the camera poses are estimated
@@ -38,7 +38,7 @@ _BUMPS = BumpSettings()
 class BumpDetector:
     """Detector of cameras that moved, which estimates the camera poses when reprojection errors stay large.
 
-    Clutter, a lamp or wrong time stamps also cause large errors, but those do not shrink with other camera poses.
+    Clutter, a lamp or wrong time stamps also cause large errors, but no change of the camera poses reduces those.
 
     Args:
         start: Starts a computation that must not delay the cameras, like `Executor.submit`.
@@ -96,7 +96,7 @@ class BumpDetector:
             return ""
         self._has_warned = True
         most = int(np.argmax(refinement.turned_deg))
-        # two cameras do not show which of them moved
+        # with only two cameras, it is unknown which one moved
         who = "a camera has" if len(self._rig) == 2 else f"camera {self._rig.cameras[most].name} seems to have"
         return (
             f"{who} been moved since the calibration (about {refinement.turned_deg[most]:.1f} degrees): "
@@ -107,8 +107,8 @@ class BumpDetector:
 def meeting_error_px(blobs: Sequence[FloatArray], errors_px: Array) -> float | None:
     """Return the mean reprojection error of blobs, pixels; None if there are too few blobs.
 
-    The number of blobs that should match is the second largest among the cameras. Those without a match count with the
-    largest error.
+    The number of blobs that should match is the second-largest number of blobs in a camera's image. Each missing match
+    adds the largest possible error.
     """
     seen = sorted(map(len, blobs))[-2]
     if seen < _BUMPS.fewest_blobs:

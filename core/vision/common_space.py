@@ -16,7 +16,8 @@ class CommonSpace:
     x_m: Array  # (X,) of the grid's columns
     z_m: Array  # (Z,) of the grid's rows
     seen: Mask  # (Z, X) positions where all cameras see a whole performer
-    rectangle_m: tuple[float, float, float, float]  # largest one seen: lowest x and z, highest x and z; zeros if none
+    # largest rectangle of seen positions: lowest x and z, highest x and z; zeros if there is none
+    rectangle_m: tuple[float, float, float, float]
 
     @property
     def size_m(self) -> tuple[float, float]:

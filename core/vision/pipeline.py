@@ -23,8 +23,8 @@ _NO_BLOBS = np.empty((0, 5), dtype=np.float32)
 class MarkerPipeline:
     """Detection, matching and triangulation for one rig.
 
-    Backgrounds are learned by the `learn_*` methods; in the dark, none is needed. An `aligner` moves the cameras' blobs
-    to one time before they are matched.
+    Backgrounds are learned by the `learn_*` methods; in the dark, no background is needed. An `aligner` moves the
+    cameras' blobs to one time before they are matched.
 
     Attributes:
         mismatch: What seems to be wrong with the images (exchanged, mirrored or upside down), or None.
@@ -67,7 +67,7 @@ class MarkerPipeline:
         return self.locate(self.detect(images))
 
     def detect(self, images: ImageSet) -> MarkerFrame:
-        """Return the blobs of one image set; none where an image is unusable.
+        """Return the blobs of one image set; an unusable image has no blobs.
 
         Raises:
             CaptureError: The number or the size of the images does not match the calibration.

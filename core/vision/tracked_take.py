@@ -1,4 +1,4 @@
-"""Processing of a complete take: synchronisation, triangulation, reprojection errors, and takes of one camera."""
+"""Processing of a complete take: synchronisation, triangulation, reprojection errors, and takes of a single camera."""
 
 from collections.abc import Sequence
 from dataclasses import replace

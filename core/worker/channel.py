@@ -30,7 +30,7 @@ class Stopped(Exception):  # noqa: N818 - not an error
 
 
 def open_when_free(open_source: Callable[[], _Source], takes_place: bool, stop: threading.Event) -> _Source:
-    """Open cameras or a port; if this process `takes_place` of another, retry while that one may still hold them."""
+    """Open cameras or a port; if this process replaces another (`takes_place`), retry while that one may hold them."""
     limit_s = time.monotonic() + (WORKER.freed_s if takes_place else 0.0)
     while True:
         try:
@@ -69,7 +69,7 @@ class Channel:
         self.final: dict[str, Any] = {}
         self.progress_s: float | None = None
         self._filter_settings: dict[str, Any] | None = None
-        self._times = WORKER  # read here: the threads outlive tests, which change WORKER
+        self._times = WORKER  # kept, because tests change WORKER and these threads outlive them
         self._socket.sendall(encode_json(MessageKind.HELLO, {"token": token, "process": os.getpid()}))
         self._sender = threading.Thread(target=self._send_loop, name="send")
         self._sender.start()
@@ -122,7 +122,7 @@ class Channel:
         self._queue.put(encode_preview(picture))
 
     def send_status(self, activity: str, fraction: float | None = None, **details: Any) -> None:
-        """Send the current activity and the fraction done, if known; `details` are fields of `JobStatus`."""
+        """Send the current activity and the fraction done, if known; `details` are further fields of `JobStatus`."""
         self.activity = activity
         queued = self._queue.qsize()
         status = JobStatus(activity, fraction, frames=self.frames, queued=queued, **details)

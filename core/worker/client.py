@@ -21,7 +21,7 @@ from .worker_settings import WORKER
 
 
 class RestartPolicy:
-    """Allows a few restarts in total, or a few per minute for a process that works."""
+    """Limit on restarts: a few in total, or a few per minute if each new process sends frames."""
 
     def __init__(self) -> None:
         self._restarts_s: deque[float] = deque(maxlen=WORKER.restarts)
@@ -58,7 +58,7 @@ class WorkerClient:
         self._launch()
 
     def _launch(self) -> None:
-        self.ended = False  # the worker has announced that nothing follows
+        self.ended = False  # the worker has sent END
         self._early: list[Message] = []  # messages received before the first poll
         self._liveness = Liveness()
         self._connection = WorkerConnection(self._request)

@@ -144,7 +144,7 @@ class Decoder:
         """Add bytes; return the messages that are now complete.
 
         Raises:
-            CaptureError: The stream is not ours, has another version, or is damaged.
+            CaptureError: The stream has another protocol or version, or is damaged.
         """
         self._buffer += data
         messages: list[Message] = []

@@ -19,7 +19,8 @@ class WorkerSettings:
     start_s: float = 60.0  # time for a process to connect
     silence_s: float = 15.0  # longest silence of a working process before its first frame
     hung_s: float = 1.25  # the same after the first frame, on an idle machine
-    poll_gap_s: float = 0.25  # most of the time between two polls that counts as silence: the poller may be held up
+    # largest part of the time between two polls that counts as silence, because the poller itself may be held up
+    poll_gap_s: float = 0.25
     restarts: int = 3  # restarts of a process that are allowed within `restarts_within_s`
     restarts_within_s: float = 60.0
     stop_s: float = 5.0  # time for the cameras to stop

@@ -91,7 +91,8 @@ def _motive(rows: list[list[str]], where: str) -> MarkerTake:
     rate = facts.get("Export Frame Rate") or facts.get("Capture Frame Rate") or "nan"
     fps = numbers_of([rate], f"{where}, line 1")[0]
     names = [labels["name"][i] for i in starts]
-    own = [name.split(":")[-1] for name in names]  # without the subject, unless two subjects share a marker name
+    # the subject's name is dropped unless two subjects share a marker name
+    own = [name.split(":")[-1] for name in names]
     names = own if len(set(own)) == len(own) else names
     count = facts.get("Total Exported Frames", "")
     declared = float(count) if count.isdecimal() else 0.0
@@ -131,7 +132,7 @@ def _plain(rows: list[list[str]], where: str) -> MarkerTake:
 
 
 def _long(rows: list[list[str]], head: int, header: list[str], where: str) -> MarkerTake:
-    """Return the take of a table with one row per frame and point; of several models or trajectories, the body's."""
+    """Return the take of a table with one row per frame and point; other models than the body's are left out."""
     places = {cell.lower(): place for place, cell in enumerate(header)}
     used = [places[key] for key in ("frame", "x", "y", "z")]
     model, trajectory, clock, keypoint = (places.get(key) for key in ("model", "trajectory", "timestamp", "keypoint"))

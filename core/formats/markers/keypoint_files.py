@@ -32,7 +32,7 @@ class KeypointFileSettings:
     """Assumptions about files that state neither rate nor unit."""
 
     usual_fps: float = 30.0  # frame rate of webcams and phones, Hz
-    body_share: float = 0.5  # smallest share of the points that a frame must show for the body to be measured in it
+    body_share: float = 0.5  # smallest share of the points in a frame in which the body is measured
 
 
 _S = KeypointFileSettings()
@@ -73,7 +73,7 @@ def keypoint_take(
     """Return a take with the body's keypoints in metres.
 
     The unit is the one that gives the body a human size. A rate that is not stated is found from the time stamps in the
-    recording's folder; without these, a usual rate is assumed.
+    recording's folder; without these, a typical rate is assumed.
 
     Args:
         points: Keypoints (F, J, 3) in an unknown unit.

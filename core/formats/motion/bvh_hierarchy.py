@@ -36,7 +36,7 @@ class BvhHierarchy:
 
     Args:
         width: Number of channels of all joints.
-        orders: Rotation channels (J) in the file's order, e.g. "ZXY".
+        orders: Rotation channels (J,) in the file's order, e.g. "ZXY".
         places: Column, joint and axis (P, 3) of each position channel.
     """
 

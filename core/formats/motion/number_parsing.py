@@ -10,7 +10,7 @@ from ...errors import FormatError, counted
 from ...geometry.arrays import Array, Mask
 from ...system.files import is_over_budget
 
-_POSE_BYTES = 32  # size of a joint's pose in a frame
+_POSE_BYTES = 32  # bytes of one joint's rotation in memory
 
 
 def parse_numbers(text: bytes) -> Array | None:

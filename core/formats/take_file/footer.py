@@ -87,5 +87,5 @@ def find_footer(file: BinaryIO | FileIO) -> Footer | None:
         return None
     try:
         return Footer.unpack(chunk.payload, "")
-    except TakeError:  # readers of the whole file report it
+    except TakeError:  # a reader of the whole file reports the damage
         return None

@@ -63,7 +63,7 @@ class TakeSetup:
             created=datetime.now(UTC).astimezone().isoformat(timespec="seconds"),
             software=f"perfanim {__version__}",
         )
-        return TakeSetup.from_json(made.to_json(), "")  # exactly as a reader will get it, to the last digit
+        return TakeSetup.from_json(made.to_json(), "")  # the same object that a reader will get, to the last digit
 
     def to_json(self) -> bytes:
         """Return JSON; the first performer is "subject" ({} if there is none), others are in "performers"."""

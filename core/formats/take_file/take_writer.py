@@ -34,8 +34,8 @@ class WriterSettings:
 
     write_every_s: float = 0.1
     sync_every_s: float = 0.5
-    retry_every_s: float = 1.0  # interval of attempts while the disk is full
-    most_waiting: int = 256 << 20  # bytes kept in memory while the disk is full
+    retry_every_s: float = 1.0  # interval between attempts to write while the disk is full
+    most_waiting: int = 256 << 20  # largest number of bytes kept in memory while the disk is full
 
 
 SETTINGS = WriterSettings()

@@ -107,7 +107,7 @@ class FrameAssembler:
         return ended
 
     def has_all(self, keys: Collection[Key]) -> bool:
-        """Return whether the open frame contains all of these."""
+        """Return whether the open frame contains all of these transforms."""
         return all(key in self._placed for key in keys)
 
     def end(self) -> list[VmcFrame]:

@@ -11,8 +11,8 @@ Source: TypeAlias = tuple[str, int]  # address and port of a sender
 class SenderLimits:
     """Limits for accepting another program."""
 
-    silence_s: float = 1.0  # silence after which a sender is gone; programs send every 4 to 33 ms
-    fresh_ports: int = 3  # new ports in succession that reveal a program that opens one for each packet
+    silence_s: float = 1.0  # silence after which a sender counts as gone; programs send every 4 to 33 ms
+    fresh_ports: int = 3  # number of new ports in succession that reveals a program that opens a port for each packet
 
 
 LIMITS = SenderLimits()

@@ -19,9 +19,9 @@ class StreamSettings:
     """Uncertainty and timing of tracker frames."""
 
     sigma_m: float = 0.001  # standard deviation of positions
-    pause_s: float = 0.25  # time between two frames above which frame numbers are skipped
+    pause_s: float = 0.25  # time between two frames above which the missing frames are counted
     period_s: float = 1.0 / 60.0  # assumed time between two frames until their rate is known
-    least_step_s: float = 0.001  # shortest time between two frames that the network delivers together
+    least_step_s: float = 0.001  # smallest step between frame times, for frames that arrive at the same moment
 
 
 _SETTINGS = StreamSettings()
@@ -59,7 +59,7 @@ class TrackerStream:
         return [frame for frame in frames if frame is not None]
 
     def _marker_frame(self, frame: VmcFrame) -> MarkerFrame | None:
-        """Return the markers in a frame, or None if it has none of the set's."""
+        """Return the markers in a frame, or None if it contains no marker of the set."""
         placed = {key: each for key, each in frame.placed.items() if key[0] in TRACKERS}
         if not self._labels.keys() >= placed.keys():
             self._match_trackers(list(placed))
@@ -85,7 +85,7 @@ class TrackerStream:
         self._labels = {key: np.array([index.get(name, -1) for name in names]) for key, names in spelled.items()}
 
     def _count(self, arrival_s: float) -> None:
-        """Set number and time of the next frame."""
+        """Set the number and the time of the next frame."""
         if self._begun_s is None:
             self._begun_s = arrival_s
             self._clock.steady(0.0)

@@ -61,7 +61,7 @@ class Clock:
 
 
 class FramePackets:
-    """Encoder of bundles, one per frame: available, time, root at the origin, and the same bones in each.
+    """Encoder of OSC bundles, one per frame: availability flag, time, root at the origin, always the same bones.
 
     The library encodes each message once; `packet` only replaces the numbers at its end, which is 50 times as fast.
     """

@@ -20,8 +20,8 @@ from .vmc_packets import BONE, ROOT, TRACKERS
 class RecordingSettings:
     """Limits for interpreting recorded frames."""
 
-    turned_rad: float = np.radians(3.0)  # rotation below which a tracker is taken not to measure rotation
-    most_lost: float = 100.0  # lost frames per received frame; more mean a clock that jumped, or a pause
+    turned_rad: float = np.radians(3.0)  # smallest rotation that shows that a tracker measures rotations, too
+    most_lost: float = 100.0  # most lost frames per received frame; more mean a pause, or that the clock jumped
 
 
 _SETTINGS = RecordingSettings()
@@ -91,7 +91,7 @@ class Recording:
         return self._frames
 
     def _with(self, keys: Sequence[Key], name: str, what: str) -> tuple[list[VmcFrame], Clock]:
-        """Return the frames that have any of the keys, and their clock from the first one on."""
+        """Return the frames that have any of the keys, and their clock, which starts at the first of them."""
         frames = [frame for frame in self._all() if any(key in frame.placed for key in keys)]
         if len(frames) < 2:
             packets = counted(self.gathering.packets, "packet")
@@ -125,7 +125,7 @@ def _fill_missing(frames: Sequence[VmcFrame], keys: Sequence[Key]) -> BonePoses:
 
 
 def _on_root(poses: BonePoses, frames: Sequence[VmcFrame]) -> BonePoses:
-    """Return the poses with the hips in the world."""
+    """Return the poses with the hips in world axes instead of the root's."""
     key = (ROOT, "root")
     if poses.names[0] != "Hips" or not any(key in frame.placed for frame in frames):
         return poses

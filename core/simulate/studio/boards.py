@@ -25,11 +25,11 @@ _FIRST_NUMBER = 10_000_000  # first frame number of board pictures; no performan
 class BoardSettings:
     """Settings for placing and drawing boards."""
 
-    candidates: int = 600  # number of random positions from which the best are chosen
+    candidates: int = 600  # number of random poses from which the best are chosen
     samples: int = 4  # samples per pixel along each axis
     rim: float = 1.7  # distance from the outer corners to the edge of the paper, in squares
     cell_px: int = 64  # side of the image regions that board positions should cover
-    print_px: int = 120  # side of a printed ChArUco square; code cells are whole pixels at usual sizes
+    print_px: int = 120  # side of a printed ChArUco square; with the common marker sizes, code cells are whole pixels
 
 
 _SETTINGS = BoardSettings()

@@ -13,7 +13,8 @@ from .performer_body import Body
 HAND = "rhand"
 _GRIP_RAD = np.deg2rad(50.0)  # angle of the shaft in the palm, from the thumb's side towards the fingers
 _FIST_M = np.array([-0.045, -0.02, 0.0])  # centre of the fist in the hand's axes
-_ORIGIN_TO_FIST_M = 0.09  # distance along the shaft from the prop's origin, between the two hands, to the right one
+# distance along the shaft from the prop's origin, which lies between the hands, to the right fist
+_ORIGIN_TO_FIST_M = 0.09
 
 
 @dataclass(frozen=True)

@@ -30,7 +30,7 @@ def first_hits(origin: Array, directions: Array, cones: RoundCones, scale: Array
     dF/ds = 0 gives s as a linear function of p, and F = 0 becomes quadratic in the distance.
 
     Args:
-        origin: Start (3,) of the rays; hits behind it do not count.
+        origin: Start (3,) of the rays; intersections behind it are ignored.
         directions: Unit vectors (N, 3).
         scale: Factors (N, P) for the radii, for each pair of ray and cone.
     """

@@ -16,11 +16,11 @@ _CELLS = 4  # cells per pixel in x, covered exactly
 
 
 def disc_light(centres: Array, radius: float, blur_px: float) -> tuple[int, int, Array]:
-    """Return the first column and row of a disc's pixels, and how far (0 to 1) it covers each (height, width).
+    """Return the first column and row of a disc's pixels, and the share (height, width) of each that it covers.
 
     Args:
-        centres: Disc centres (S, 2) at S times of the exposure, whose coverages are averaged; pixels, with pixel
-            centres at whole numbers.
+        centres: Disc centres (S, 2) at S times of the exposure, over which the coverage is averaged; pixels, with
+            pixel centres at whole numbers.
         radius: Radius in pixels.
         blur_px: Standard deviation of the lens's blur.
     """

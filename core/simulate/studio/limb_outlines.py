@@ -12,7 +12,7 @@ from .performer_body import Body
 from .studio_settings import TABLES
 
 _ARC = np.linspace(0.0, 1.0, 9)
-_LAYERS = ((1.0, 0.62), (0.78, 0.92), (0.48, 1.12))  # size of the outline, brightness
+_LAYERS = ((1.0, 0.62), (0.78, 0.92), (0.48, 1.12))  # scale of the outline, brightness
 _LIGHT = np.array([-0.45, -0.75])  # direction to the light in the image (x right, y down)
 
 Colour = tuple[float, float, float]  # BGR, 0-255

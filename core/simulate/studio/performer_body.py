@@ -110,7 +110,7 @@ def with_sticks(body: Body, joints: IntArray, offsets_m: Array) -> Body:
 
 
 def _parts_of(name: str) -> list[tuple[dict[str, Any], Array]]:
-    """Return the cones of a joint, with factors that mirror them to its side."""
+    """Return the cones of a joint, each with the factors (3,) that mirror it to the joint's side."""
     left, right = np.array([1.0, 1.0, 1.0]), np.array([-1.0, 1.0, 1.0])
     if name in _PARTS:
         return [(part, side) for part in _PARTS[name] for side in ((left, right) if "paired" in part else (left,))]

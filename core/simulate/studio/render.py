@@ -162,7 +162,7 @@ class Renderer:
         return _ImagedMarkers(paths, centres, radii, depth, seen)
 
     def _smeared(self, camera: Camera, performance: Performance, middles: Array) -> Array:
-        """Return pixels (M, S, 2) at S moments of the exposure, two per pixel of motion."""
+        """Return the markers' pixels (M, S, 2) at S moments of the exposure, two per pixel of motion."""
         half = 0.5 * self.settings.exposure_s
         ends = camera.project(_own_times(performance, middles[:, None] + np.array([-half, half])))
         longest = float(np.nanmax(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=-1), initial=0.0))
@@ -194,13 +194,13 @@ class Renderer:
 
 
 def _from_afar(camera: Camera, performance: Performance, time: float) -> _Bodies:
-    """Return all performers with their bodies at a time, the farthest from the camera first."""
+    """Return all performers and their bodies at the given time, the farthest from the camera first."""
     placed = [(one, one.cones_at(time)) for one in performance.everybody]
     return sorted(placed, key=lambda pair: -float(camera.to_camera(pair[1].starts)[:, 2].mean()))
 
 
 def _own_times(performance: Performance, times: Array) -> Array:
-    """Return world positions (M, S, 3) of every marker at its own times (M, S)."""
+    """Return the world positions (M, S, 3) of markers, each at its own times (M, S)."""
     count, steps = times.shape
     if np.all(times == times[0]):
         return np.swapaxes(performance.markers_at(times[0]), 0, 1)
@@ -210,13 +210,13 @@ def _own_times(performance: Performance, times: Array) -> Array:
 
 
 def _behind_another(centres: Array, radii: Array, depth: Array) -> Mask:
-    """Return a mask (M,) of markers whose centre is behind a nearer marker's ball."""
+    """Return a mask (M,) of the markers whose centre is hidden by a nearer marker."""
     apart = np.linalg.norm(np.nan_to_num(centres)[:, None] - np.nan_to_num(centres), axis=-1)
     return np.asarray(np.any((apart < radii) & (depth < depth[:, None]), axis=1))
 
 
 def _views(rig: CameraRig, boxes: tuple[Box, ...]) -> tuple[RoomView, ...]:
-    """Draw the room for all cameras, in parallel because this takes longest when a studio opens."""
+    """Draw the room for all cameras, in parallel because this is the slowest part of opening a studio."""
     with ThreadPoolExecutor(len(rig)) as pool:
         return tuple(pool.map(view_room, rig.cameras, repeat(boxes)))
 

@@ -12,7 +12,7 @@ _BODY_M = About("body height; by default the shipped performer's", "m", 0.5, 3.0
 
 @dataclass(frozen=True)
 class Partner:
-    """Another simulated performer; by default as the first one."""
+    """Another simulated performer; by default like the first one, but mirrored."""
 
     is_closed: ClassVar[bool] = True
     behaviour: Annotated[str, About('"demo" or a behaviour')] = ""

@@ -19,7 +19,7 @@ class StageSettings:
     longest_held_s: float = 300.0  # longest time for all calibration poses together
     arrival_s: float = 1.0  # time from a held pose to the next, or to the motion's first pose
     around_s: float = 4.0  # total time before and after a behaviour for T pose, lowering the arms and rest
-    spacing_m: float = 1.2  # distance between performers: two fit into the picture, and outstretched arms do not touch
+    spacing_m: float = 1.2  # distance between performers: two fit into the image, and outstretched arms do not touch
     partners: int = 7  # largest number of partners: the room has no space for more, and each takes a second to prepare
 
 

@@ -28,7 +28,7 @@ class StudioPlacement:
     half_baseline_m: float = 0.9
     distance_m: float = 3.3
     height_m: float = 1.4
-    rise_m: float = 0.3  # how far each camera is above or below `height_m`
+    rise_m: float = 0.3  # distance of each camera from `height_m`, below and above in turn
     target_m: tuple[float, float, float] = (0.0, 0.98, 0.0)
 
 

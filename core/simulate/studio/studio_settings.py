@@ -24,7 +24,7 @@ class StudioSettings:
         noise_sigma: Standard deviation of the sensor's Gaussian noise, grey levels.
         light: Brightness of room and body (lamps stay bright), relative to the pictures of the board.
         time_offsets_s: Delay of each camera relative to its time stamps; 0 for cameras not listed.
-        rolling_shutter_s: Time from the first row to the last; the middle row is on time.
+        rolling_shutter_s: Time from the first row to the last; the middle row is exposed at the frame's time.
         clutter: Show furniture, lamps and pictures.
         ghosts: Number of false bright blobs that wander through each image (reflections).
         moved_object: Show a box that is missing from the background images.

@@ -1,4 +1,4 @@
-"""Video files in codecs that OpenCV's wheels can encode on all systems."""
+"""Video files in codecs that the OpenCV packages of all systems can encode."""
 
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager

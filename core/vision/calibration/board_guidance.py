@@ -39,7 +39,7 @@ def next_target(cameras: Sequence[CameraCoverage], asked: Counter[Target]) -> Ta
         for column, covered in enumerate(fractions)
         if np.isfinite(covered)
     ]
-    return min(rows)[1:] if rows else None  # without rows, the cameras share hardly any region
+    return min(rows)[1:] if rows else None  # empty if the cameras share hardly any region
 
 
 class OtherBoardProbe:

@@ -20,11 +20,11 @@ _LAYOUT = (
 def load_board_points(path: str | Path) -> tuple[Array, tuple[CameraViews, CameraViews]]:
     """Return board points (N, 3) in metres and views of the left and right camera.
 
-    The file contains `image_size`, `board_points_mm` (N, 2) and for both cameras, `image_points_cam1` and
-    `image_points_cam2`, one list of N pixels per moment (0-based; null where not seen).
+    The file contains `image_size`, `board_points_mm` (N, 2), and `image_points_cam1` and `image_points_cam2`: for each
+    moment, a list of N pixel positions (the first pixel is 0; null where the point is not seen).
 
     Raises:
-        CalibrationError: The file has other contents.
+        CalibrationError: The file does not have these contents.
     """
     raw = read_bytes(path)
     with reading(path, CalibrationError, f"expected {_LAYOUT}", "does not contain board points"):

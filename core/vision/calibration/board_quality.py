@@ -44,8 +44,8 @@ def _width(grey: Image, edges: list[tuple[Array, Array]], reach: float) -> float
     profiles = cv2.remap(grey, points[..., 0], points[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     levels = profiles.astype(np.float64)
     contrast = np.ptp(levels, axis=1)
-    slope = np.abs(levels[:, 2:] - levels[:, :-2]).max(axis=1)  # over one pixel
-    clear = contrast > 20.0  # least difference between black and white squares, grey levels
+    slope = np.abs(levels[:, 2:] - levels[:, :-2]).max(axis=1)  # samples two steps apart are one pixel apart
+    clear = contrast > 20.0  # smallest difference between black and white squares, grey levels
     return float(np.median(contrast[clear] / slope[clear])) if clear.any() else float("nan")
 
 
@@ -61,7 +61,7 @@ def covered_cells(views: Iterable[BoardView], image_size: tuple[int, int], cells
 
 @dataclass(frozen=True)
 class Coverage:
-    """Covered share of the image, and whether the board stayed away from all sides."""
+    """Covered share of the image, and whether the board never came near any edge of the image."""
 
     fraction: float
     in_the_middle: bool

@@ -85,7 +85,7 @@ class BoardSession:
 
     @property
     def board_views(self) -> dict[str, list[BoardView]]:
-        """Positions of the board in each camera's views, by the camera's title."""
+        """Each camera's views of the board, by the camera's title."""
         return {camera.title: list(camera.views.values()) for camera in self._cameras}
 
     @property
@@ -106,7 +106,7 @@ class BoardSession:
 
     @property
     def done(self) -> bool:
-        """Whether the calibration is good or no more views are taken."""
+        """Whether the calibration is good or the largest number of views has been taken."""
         return self.good or self.views >= self._limit
 
     def see(self, time_s: float, images: Sequence[Image], usable: Sequence[bool]) -> Guidance:

@@ -62,7 +62,7 @@ class BoardPlacement:
 
 @dataclass(frozen=True)
 class BoardObservation:
-    """Views of the board in one set of images, None where not visible, and whether it is still."""
+    """Views of the board in one set of images, None where it is not visible, and whether it is held still."""
 
     views: tuple[BoardView | None, ...]
     still: bool

@@ -31,11 +31,11 @@ class FitSettings:
     # Largest differences between the poses of one board as two cameras see it. The limits are wide, because board poses
     # from one camera are rough; half turns and wrong pairs are far outside them.
     same_angle_deg: float = 8.0
-    same_distance: float = 0.3  # share of the usual distance to the board
+    same_distance: float = 0.3  # share of the median distance to the board
     outlier_factor: float = 3.0  # smallest error of an outlier, as a multiple of the median error
     outlier_floor_px: float = 0.6  # smallest difference of an outlier's error from the median
     folds: int = 5  # number of parts into which the moments are divided; each part is held out in turn
-    least_moments: int = 10  # fewest moments of which parts are held out
+    least_moments: int = 10  # fewest moments for which lens models are compared by held-out errors
     richer_may_cost: float = 1.05  # largest held-out error of the chosen lens model, as a multiple of the best model's
 
 
@@ -62,7 +62,7 @@ class CornerObservation:
 class Bundle:
     """Unknowns of the adjustment; a pose is a rotation vector and a translation."""
 
-    intrinsics: Array  # (C, 10)
+    intrinsics: Array  # (C, 10) fx, fy, cx, cy, skew, k1, k2, p1, p2, k3
     cameras: Array  # (C, 6) camera-from-first; the first is zero
     boards: Array  # (M, 6) first-camera-from-board
 

@@ -42,7 +42,7 @@ class VerdictSettings:
     good_rms: float = 0.5 / 640.0
     usable_rms: float = 1.2 / 640.0
     good_coverage: float = 0.25  # share of an image in which the board has been
-    good_coverage_in_the_middle: float = 0.5  # the same for a board that stayed away from all sides
+    good_coverage_in_the_middle: float = 0.5  # the same for a board that never came near any edge of the image
     good_distance: float = 0.002  # relative standard deviation of the distances between cameras
     good_tilt_deg: float = 15.0  # tilt of the most tilted board
     good_delay_s: float = 0.02  # delay between cameras
@@ -56,7 +56,7 @@ _VERDICT = VerdictSettings()
 
 
 class ExchangedCamerasError(CalibrationError):
-    """Error for a left camera that stands on the right."""
+    """The camera given as the left one stands to the right of the other."""
 
 
 @dataclass(frozen=True)
@@ -116,13 +116,13 @@ def calibrate_from_points(
 
     Args:
         points_m: Board points, z = 0.
-        cameras: Views of each camera; a single camera only gets its lens, and stands at the world's origin.
+        cameras: Views of each camera; a single camera stands at the world's origin, and only its lens is calibrated.
         rejected: Pictures already rejected, to be listed in the result.
         left_right: Check that the first two cameras are the left and the right one, as seen from behind the cameras.
         ambiguous: Whether the board looks the same after half a turn (see `Board.is_ambiguous`).
 
     Raises:
-        ExchangedCamerasError: The left camera stands on the right.
+        ExchangedCamerasError: The first camera stands to the right of the second.
         CalibrationError: There are too few views, cameras never saw the board together, or the pictures do not belong
             together.
     """

@@ -31,7 +31,7 @@ def calibrate_images(
     files, rejected = _paired_files(patterns)
     shown = _most_seen_grid(files, board) if board.kind == "chessboard" else None
     if shown is not None and min(np.subtract(shown, _larger_first(board))) >= 0:
-        _check_size(shown, board)  # before minutes are spent on the search for a part of the board
+        _check_size(shown, board)  # first, because the search for a wrong board would take minutes
     total = sum(len(rows) for rows in files.values())
     done = 0
 
@@ -116,7 +116,7 @@ def _larger_first(board: Board) -> tuple[int, int]:
 
 
 def _most_seen_grid(files: Mapping[str, Mapping[str, Path]], board: Board) -> tuple[int, int] | None:
-    """Return the number of inner corners that three of five pictures show, or None."""
+    """Return the grid of inner corners that at least three of five sampled pictures show, or None."""
     paths = [path for rows in files.values() for path in rows.values()]
     chosen = [paths[i] for i in np.unique(np.linspace(0, len(paths) - 1, 5).astype(int))]
     shown: dict[tuple[int, int], set[Path]] = defaultdict(set)

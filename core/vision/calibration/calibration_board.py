@@ -1,4 +1,4 @@
-"""Calibration boards: their SPEC, their points, and their detection in a picture."""
+"""Calibration boards: their descriptions as text (SPEC), their points, and their detection in a picture."""
 
 import re
 from dataclasses import dataclass, replace
@@ -197,7 +197,7 @@ def _find_charuco(grey: Image, board: Board) -> BoardView | None:
     for is_old in (False, True)[: 1 + (board.rows % 2 == 0)]:
         corners, ids, _, codes = cv2.aruco.CharucoDetector(charuco_board(board, is_old)).detectBoard(picture)
         is_found = ids is not None and len(ids) >= _SEARCH.least_charuco_corners
-        if is_found or codes is None or len(codes) < 2:  # without codes in view it is not an older board, either
+        if is_found or codes is None or len(codes) < 2:  # codes would be seen on an older board, too
             break
     if not is_found:
         return None
@@ -216,7 +216,7 @@ def edge_reach(board: Board) -> float:
 
 
 def _refine(grey: Image, corners: Array, spacing: float, reach: float = _SEARCH.reach) -> Array:
-    # the window stays within the four squares around a corner, because their far edges would pull it away
+    # the window stays within the four squares around a corner, because their far edges would bias the corner
     window = int(np.clip(reach * spacing, 2, 11))
     criteria = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 50, 1e-4)
     start = corners.astype(np.float32).reshape(-1, 1, 2)

@@ -59,7 +59,7 @@ def seen_alike(
     Args:
         first, second: Camera-from-board poses at one moment.
         centre: As for `relative_pose`.
-        scale: Usual distance to the board.
+        scale: Median distance to the board.
     """
     distances = [_distance(option, second_from_first, scale) for option in _options(first, second, centre)]
     return min(distances) < 1.0, distances.index(min(distances)) == 1

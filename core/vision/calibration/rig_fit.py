@@ -1,4 +1,4 @@
-"""Fit of several cameras: choice of consistent moments, initial poses, bundle adjustment, lens model, errors."""
+"""Fit of several cameras: consistent moments, initial poses, bundle adjustment, lens model, and error estimates."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -264,7 +264,7 @@ def _chain_cameras(singles: Sequence[SingleCamera], centre: Array | None) -> lis
 def _members(
     singles: Sequence[SingleCamera], starts: Sequence[Array], refused: list[Rejected], centre: Array | None
 ) -> dict[str, dict[int, bool]]:
-    """Return each moment's cameras, and for each whether it numbers the board from the other end.
+    """Return each moment's cameras and whether each of them numbers the board from the other end.
 
     A moment's cameras are the largest group that agrees with one of its cameras on where the board is.
     """

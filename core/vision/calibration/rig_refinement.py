@@ -28,13 +28,14 @@ class RefinementSettings:
     # Prior standard deviations of a bump, rotation (radians) and shift (m). Markers say little about rotations and
     # shifts that almost cancel; without a prior, systematic errors of lenses and times would be taken for such a bump.
     bump_sigmas: tuple[float, ...] = (0.03, 0.03, 0.03, 0.02, 0.02, 0.02)
-    systematic_px: float = 0.3  # errors that all markers in the same place share
-    independent: float = 100.0  # number of independent points that are worth as much as all points with their errors
+    systematic_px: float = 0.3  # errors shared by all markers at the same place in the image
+    independent: float = 100.0  # number of independent points that carry as much information as all correlated ones
     robust_px: float = 0.5  # scale of the soft L1 loss
     least_points: int = 200
     least_frames: int = 20
-    sure: float = 0.02  # largest `depth_sigma` for measuring; bone lengths are then wrong by about as much
-    bumped_px: float = 1.0  # smallest error of moved cameras: twice the usual error of cameras that have not moved
+    # largest `depth_sigma` at which the refined rig is used; bone lengths then have about the same relative error
+    sure: float = 0.02
+    bumped_px: float = 1.0  # smallest error of moved cameras: twice the typical error of cameras that have not moved
     bumped_factor: float = 2.0  # smallest ratio of a moved camera's error before and after the refinement
 
 
@@ -150,14 +151,15 @@ def _depth_sigma(rig: CameraRig, found: Array, covariance: Array, observed: Arra
     sizes, axes = np.linalg.eigh(covariance)
     squares = 0.0
     for size, axis in zip(sizes, axes.T, strict=True):
-        step = 0.1 * np.sqrt(max(size, 0.0))  # only a tenth: distant points do not move in proportion
+        # a tenth of a standard deviation, because distant points move in proportion only to small steps
+        step = 0.1 * np.sqrt(max(size, 0.0))
         other = triangulate(_move_cameras(rig, found + step * axis).cameras, observed, weights, 1.0)[0]
         squares += float(np.median(np.linalg.norm(other - points, axis=1) / far / 0.1)) ** 2
     return float(np.sqrt(squares))
 
 
 def _move_cameras(rig: CameraRig, unknown: Array) -> CameraRig:
-    """Rotate all cameras except the first about their centres and move the centres, by steps (C - 1) * 6."""
+    """Rotate all cameras except the first about their centres and move the centres, by 6 steps per camera."""
     first = rig.cameras[0]
     cameras: list[Camera] = [first]
     for index, (camera, step) in enumerate(zip(rig.cameras[1:], unknown.reshape(-1, 6), strict=True), start=1):

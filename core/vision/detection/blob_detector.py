@@ -24,22 +24,26 @@ class DetectionSettings:
     # that comes from elsewhere is found up to n images later.
     whole_every: int = 1
     small_image: int = 640 * 480
-    reach: float = 0.08  # search range around the last markers, share of the longer side: 10 m/s at 2 m and 60 Hz
+    # search range around the last markers, share of the longer side; enough for 10 m/s at a distance of 2 m and 60 Hz
+    reach: float = 0.08
     lowest_threshold: float = 12.0  # smallest automatic threshold
     sigmas: float = 6.0  # smallest difference of a pixel from the background, in its standard deviations
     smallest_px: float = 0.8  # smallest radius of a marker
     largest_px: float = 12.0
     least_roundness: float = 0.3  # ratio of a blob's short to its long axis; motion blur makes discs long
-    relative_brightness: float = 0.35  # smallest brightness relative to the usual marker's (automatic threshold)
-    relative_radius: float = 0.4  # smallest radius relative to the usual marker's, against small glints on clothing
+    relative_brightness: float = 0.35  # smallest brightness relative to a typical marker's (automatic threshold)
+    relative_radius: float = 0.4  # smallest radius relative to a typical marker's, against small glints on clothing
     dimmest: float = 0.5  # share of the last image's limit below which blobs are not even measured
-    memory: float = 0.9  # factor by which the usual brightness decays per image
-    usual_markers: int = 8  # number of the brightest markers whose median counts as usual
+    memory: float = 0.9  # factor by which the typical brightness decays per image
+    usual_markers: int = 8  # number of the brightest markers, whose median is the typical brightness
     most_blobs: int = 100  # largest number of blobs; the brightest are kept
-    spot_px: int = 11  # side of a spot's surroundings, wider than a marker on a performer seen whole in 640x480 pixels
+    # side of the square within which a spot must stand out; wider than any marker when a 640x480 image shows the whole
+    # performer
+    spot_px: int = 11
     spot_contrast: float = 40.0  # smallest contrast of a spot against the body, on which lit creases stand out
-    spot_brightness: float = 0.85  # smallest brightness relative to the usual spot's; skin and cloth are less bright
-    ignored_share: float = 0.01  # radius around an ignored position, share of the image's width; reflections move
+    spot_brightness: float = 0.85  # smallest brightness relative to a typical spot's; skin and cloth are darker
+    # radius around an ignored position, share of the image's width; above zero, because reflections move
+    ignored_share: float = 0.01
 
     def __post_init__(self) -> None:
         if self.threshold is not None and not 1.0 <= self.threshold <= 250.0:
@@ -52,7 +56,7 @@ class DetectionSettings:
 
 
 def ignored_radius_px(image_width: int, settings: DetectionSettings = DetectionSettings()) -> float:
-    """Return the radius around an ignored position in which no markers are found."""
+    """Return the radius, in pixels, around an ignored position within which blobs are discarded."""
     return settings.ignored_share * image_width
 
 
@@ -62,7 +66,7 @@ class Detector:
     With an automatic threshold it remembers how bright this camera's markers are.
 
     Args:
-        ignored_px: Positions (N, 2) of reflections, around which nothing is taken for a marker.
+        ignored_px: Positions (N, 2) of reflections; blobs near them are discarded.
     """
 
     def __init__(
@@ -79,7 +83,7 @@ class Detector:
         self.threshold = self.settings.threshold or self.settings.lowest_threshold
         self._size: tuple[int, int] | None = None
         self._last = np.empty((0, 5), dtype=np.float32)
-        self._partly = 0  # successive images that were searched only in part
+        self._partly = 0  # number of successive images that were searched only in part
         if background is not None:
             if self.settings.threshold is None:
                 self.threshold = max(self.settings.lowest_threshold, self.settings.sigmas * background.noise)
@@ -219,7 +223,7 @@ class Detector:
         if not np.any(body.inside & (above_background >= 3.0 * dimmest)):
             return blobs.NO_PIXELS
         contrast = cv2.morphologyEx(light, cv2.MORPH_TOPHAT, np.ones((self.settings.spot_px,) * 2, np.uint8))
-        # pixels no brighter than the empty room are the room next to a limb
+        # pixels no brighter than the empty room show the room next to a limb
         lit = body.inside & (light >= (3.0 * self.threshold if room is None else room.lit[window]))
         bright = lit & (contrast >= 3.0 * max(self.threshold, self.settings.spot_contrast))
         spots = np.asarray(cv2.dilate(bright.view(np.uint8), np.ones((3, 3), np.uint8)), dtype=np.uint8)

@@ -22,14 +22,15 @@ _GROUP = 1 << 20  # larger than the number of blobs in an image
 class MeasurementSettings:
     """Settings for measuring blobs and splitting markers that touch."""
 
-    # Exponent of the contrast in centroids, with the smallest error for discs of 1.5 to 6 pixels: with 1, missing parts
-    # of the rim matter too much; with larger exponents, the position of the peak within a pixel does.
+    # Exponent of the contrast in centroids, chosen for the smallest error on discs of 1.5 to 6 pixels: with 1, missing
+    # parts of the rim matter too much; with larger exponents, the position of the peak within a pixel does.
     exponent: float = 1.3
     lit: float = 0.5  # smallest contrast of pixels used for the hue, as a share of the largest
     round_enough: float = 0.6  # ratio of axes above which a blob is one marker
     split_levels: tuple[float, ...] = (0.45, 0.6, 0.75)  # contrasts that may separate markers, shares of the largest
-    neck_levels: tuple[float, ...] = (0.65, 0.75)  # the same for the distance to the outside
-    least_piece: float = 0.15  # smallest part that counts, as a share of the largest
+    # the same for cuts at a neck: distances to the blob's edge, as shares of the largest
+    neck_levels: tuple[float, ...] = (0.65, 0.75)
+    least_piece: float = 0.15  # smallest part that is a marker of its own, as a share of the largest part
     rim: float = 0.15  # share of the largest contrast below which pixels belong to the surroundings
     skin: float = 0.35  # level that is subtracted, between skin (0) and marker (1)
 

@@ -53,7 +53,7 @@ class BlobLinker:
 
 @dataclass(frozen=True)
 class ImageTracks:
-    """Tracks of one camera in a table; a row contains one track after another."""
+    """Tracks of one camera in a table; each row can hold several tracks, one after the other."""
 
     times_s: Array  # (F,) of the images, increasing
     points: Array  # (S, F, 2) undistorted normalised coordinates, NaN where a row has no track

@@ -29,7 +29,7 @@ class MatchingSettings:
     steps: int = 3  # Gauss-Newton steps in a round
     difference_frames: float = 3.0  # half the interval for velocities, in frames
     least_scale_px: float = 0.05  # smallest scale of the Cauchy weights
-    accepted: float = 3.0  # largest distance between tracks of one marker, as a multiple of the usual one
+    accepted: float = 3.0  # largest distance between tracks of one marker, as a multiple of the median distance
     drift_sigma: float = 1e-3  # standard deviation of the drift; real clocks differ by less
     block_s: float = 0.5  # time within which errors are correlated
     certain_s: float = 0.0005  # sigma below which an offset is certain; twice this is half a centimetre at 5 m/s
@@ -47,15 +47,16 @@ class MatchingSettings:
     size_sigma: float = 0.35  # sigma of the logarithm of its radius
     brightness_sigma: float = 0.6  # sigma of the logarithm of its brightness
     no_match: float = 30.0  # cost of a blob without a partner
-    most_blobs: int = 150  # number of blobs per camera, the brightest; the computing time grows with its square or more
+    # largest number of blobs per camera, the brightest; the computing time grows with its square or more
+    most_blobs: int = 150
     # exchanged cameras
-    fewest_blobs: int = 4  # fewest blobs in an image that counts
+    fewest_blobs: int = 4  # fewest blobs in an image for it to be tested
     swap_frames: int = 6  # images that are averaged: a quarter of a second at 30 Hz
     swap_px: float = 0.75  # mean error above which exchanged or flipped images are tried
     swap_gain: float = 0.35  # ratio of the errors with changed and unchanged images below which a fault is reported
     # prediction of unlabelled points
     fastest_m_s: float = 12.0  # largest speed of a marker
-    jitter_m: float = 0.05  # largest motion between images of a marker at rest
+    jitter_m: float = 0.05  # largest motion of a resting marker from image to image
     forget_s: float = 0.5  # time for which a hidden point is predicted
     damping: float = 0.8  # share of the measured velocity that is used
 

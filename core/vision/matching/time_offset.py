@@ -98,7 +98,10 @@ class _Pair:
         return value / np.sqrt(np.maximum(slope, 1e-30)) * self._focal_px, ids
 
     def _costs(self, distances: Array, ids: IntArray) -> Array:
-        """Return capped mean squared distances of tracks (A, B, F); inf where there are none."""
+        """Return the capped mean squared distance between each pair of tracks (A, B, F).
+
+        It is inf for pairs with too few common images.
+        """
         squares = np.minimum(distances**2, MATCHING.most_px**2)
         known = np.isfinite(squares)
         width = int(ids.max()) + 1
@@ -119,7 +122,7 @@ class _Pair:
         return float(np.minimum(best[there], MATCHING.most_px**2).sum())
 
     def refine(self, offset_s: float, drift: float) -> TimeOffset:
-        """Refine offset and drift with the tracks that fit there."""
+        """Refine offset and drift with the pairs of tracks that match at them."""
         distances, ids = self._distances(offset_s, drift)
         costs = self._costs(distances, ids)
         chosen = np.isfinite(costs) & (costs == costs.min(axis=1, keepdims=True))

@@ -24,6 +24,6 @@ def is_stream(text: str) -> bool:
 
 
 def camera_name(device: int | str) -> str:
-    """Return a camera's number, or its address without the login, because others see it in messages and takes."""
+    """Return a camera's number, or its address without the login, which must not appear in messages and takes."""
     start, mark, rest = str(device).partition("://")
     return start + mark + rest.rpartition("@")[2]

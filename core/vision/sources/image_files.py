@@ -52,7 +52,7 @@ def pair_by_number(lists: Sequence[Sequence[Path]]) -> tuple[list[tuple[int, tup
 
 
 def by_number(lists: Sequence[Sequence[Path]]) -> list[dict[int, Path]]:
-    """Return the files of each camera by the number in their names that the cameras share.
+    """Return each camera's files by the number in their names; files of one moment share a number.
 
     If names contain several numbers (first, second, ...), the one whose values most files share with another camera's
     files is used. Without common numbers, lists of equal length are numbered in order.

@@ -15,7 +15,7 @@ _TIFF_WIDTHS, _TIFF_HEIGHTS = (256, 322), (257, 323)  # tags for the size of the
 
 
 def check_image_size(size: tuple[int, int], file_bytes: int, where: str) -> None:
-    """Reject a picture (width, height) with far more bytes of pixels than its file, which is 0 bytes for a stream."""
+    """Reject a picture (width, height) whose pixels need far more bytes than its file has; a stream has 0 bytes."""
     width, height = size
     if is_over_budget(width * height * 3, file_bytes):
         what = f"has {width} x {height} pixels, which is far too many"
@@ -43,7 +43,7 @@ def _png(data: bytes) -> tuple[int, int] | None:
         at += 12 + length
         if at > len(data):  # the decoder would allocate memory for the declared length
             raise ValueError(f"cut off in its part {name!r}")
-        has_pixels = has_pixels or name == b"IDAT"  # without pixels, the decoder reads beyond the end
+        has_pixels = has_pixels or name == b"IDAT"  # without pixel data, the decoder reads beyond the end
     return struct.unpack_from(">II", data, 16) if has_pixels else None
 
 

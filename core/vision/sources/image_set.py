@@ -56,7 +56,7 @@ class ImageSource(Protocol):
 
 
 class SampledSource(ImageSource, Protocol):
-    """Source that can give samples before the iteration: files, or cameras, which take new images for them."""
+    """Source that can give samples before the iteration: files, or cameras, which take extra images for this."""
 
     def samples(self, count: int) -> Iterator[tuple[Image, ...]]:
         """Yield the images of up to `count` moments."""

@@ -9,7 +9,7 @@ class SourceSettings:
 
     # reading
     warm_up_reads: int = 5  # attempts to get a first image
-    held: int = 12  # images waiting per camera; the oldest are dropped
+    held: int = 12  # largest number of waiting images per camera; the oldest are dropped
     poll_s: float = 0.02  # longest sleep of the reading loop
     retry_s: float = 0.01  # pause after a failed read
     gone_s: float = 0.1  # duration of failed reads after which a device is reopened
@@ -17,7 +17,7 @@ class SourceSettings:
     all_lost_s: float = 10.0  # time without any image after which the source gives up
     never_usable_s: float = 5.0  # time without a usable image from one camera after which sampling gives up
     join_s: float = 0.5  # longest wait for a camera's thread to end
-    same_clock_s: float = 1.0  # largest age of a time stamp that is on this computer's clock
+    same_clock_s: float = 1.0  # largest age of a time stamp for it to be on this computer's clock
     stream_opens_ms: int = 5000  # longest wait for a network camera
     stream_stalls_ms: int = 1000  # longest wait for its next image before it is reconnected
     exposure_step: float = 1.5  # largest ratio of the requested and the actual exposure; drivers use steps of 2
@@ -38,7 +38,7 @@ class SourceSettings:
     stale_s: float = 0.1  # duration after which other faults are reported
     too_often: float = 0.6  # interval between images below which the rate is wrong, periods
     black_level: int = 24  # brightest grey level in a black image, above the noise of a covered sensor
-    contrast: int = 2  # brightness that shows that a camera can see, as a multiple of the black level
+    contrast: int = 2  # peak brightness that proves that a camera is not covered, as a multiple of the black level
     compared_rows: int = 16  # interval between the rows of pixels that are compared
     fresh_images: int = 60  # successive images without equal rows that prove a sensor's noise
     torn_rows: int = 4  # neighbouring rows equal to the previous image's that make an image torn

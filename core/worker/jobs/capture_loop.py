@@ -166,7 +166,7 @@ class CaptureLoop:
                 self._output.send()
 
     def _keep(self, pose: ScenePose) -> None:
-        """Write a filtered pose, that of the oldest held frame, to the take; send it unless it was sent as solved."""
+        """Write the oldest held frame's filtered pose to the take; send it unless it was already sent unfiltered."""
         calm = replace(self._held.popleft(), pose=pose)
         record = None
         if self._take is not None:

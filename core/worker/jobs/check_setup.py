@@ -101,7 +101,7 @@ def _check_studio(request: CheckSetupRequest, channel: Channel) -> tuple[list[Fi
 
 
 class _Watched:
-    """Image sets that are shown as they pass, with instructions for the performer."""
+    """Iterable of image sets that also sends previews of them, and instructions for the performer."""
 
     def __init__(self, images: Iterable[ImageSet], fps: float, channel: Channel) -> None:
         self._images, self._fps, self._channel = images, fps, channel

@@ -58,7 +58,7 @@ def run(request: RecordBoardRequest, channel: Channel) -> None:
 
 
 def camera_names(count: int) -> tuple[list[str], list[str]]:
-    """Return the names of the cameras, and how sentences refer to them."""
+    """Return the cameras' names in the calibration, and their names in messages."""
     names = ["left", "right"] if count == 2 else [f"camera{index + 1}" for index in range(count)]
     titles = [camera_title(index, names) for index in range(count)]
     return names, titles if count == 2 else ["the camera"] if count == 1 else [f"camera {i + 1}" for i in range(count)]

@@ -57,7 +57,7 @@ def run(request: CaptureRequest, channel: Channel) -> None:
         point = request.after
         take = _open_take(request, setup, channel)
         if point is not None and take is not None and take.last_frame is not None:
-            # the take may lack the last tenth of a second, whose poses are then repeated
+            # the take may lack the last tenth of a second, so the capture continues after the take's last frame
             point = point.moved_to(*take.last_frame)
         client.ask(point)
         recorder = FrameRecorder(take, channel, source.is_repeatable)

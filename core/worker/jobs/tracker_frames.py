@@ -94,7 +94,8 @@ class _Silence:
                 self._channel.send_warning(f"the trackers are back after {now_s - self._since_s:.1f} s")
             self._since_s, self._came, self._warning = now_s, True, ""
         elif not self._hears and self._stream.gathering.understood:
-            self._hears, self._since_s = True, now_s  # what it sends is known after one complete set of packets
+            # wait again, because only a complete set of packets shows what the program sends
+            self._hears, self._since_s = True, now_s
         elif now_s - self._since_s > WORKER.silent_trackers_s:
             reason = self._reason()
             if reason != self._warning:
