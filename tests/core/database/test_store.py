@@ -96,7 +96,9 @@ def test_poses_and_rotations_are_inverse() -> None:
     assert np.linalg.norm(poses.mean(axis=0), axis=1).max() < 0.4  # relative to the mean they scatter about zero
 
 
-def test_a_file_cut_off_at_any_byte_is_refused_with_advice(written: Path) -> None:
+def test_a_file_cut_off_at_any_byte_is_refused_with_advice(tmp_path: Path) -> None:
+    written, clip = tmp_path / "small.db", Clip("a.bvh", "walk", "1", 120.0, 0, 4, 0)
+    write_database(written, 60.0, *motion(4), (clip,), SKELETONS[:1])
     whole = written.stat().st_size
     with written.open("r+b") as stream:
         for length in range(whole - 1, -1, -1):

@@ -36,7 +36,7 @@ def worn():
 
 @pytest.fixture(scope="module")
 def take(embedded_motion, worn):
-    return simulate_markers(sliced(embedded_motion["walking-02-energetic"], 0, 120), worn, noise_mm=2.0, seed=5)[0]
+    return simulate_markers(sliced(embedded_motion["walking-02-energetic"], 0, 90), worn, noise_mm=2.0, seed=5)[0]
 
 
 @pytest.fixture(scope="module")
