@@ -142,7 +142,7 @@ def manifest_text(text: str, versions: tuple[str, str | None], platform: str, wh
     if not table:
         raise ValueError("blender_manifest.toml has no [permissions] table")
     head = "".join(line for line in head.splitlines(keepends=True) if not line.startswith("blender_version_min"))
-    tail = tail.partition("[build]")[0]  # only concerns building
+    tail = tail.partition("[build]")[0]  # this table only concerns building
     return head + "\n".join([*lines, "]"]) + "\n\n" + table + tail.rstrip() + "\n"
 
 

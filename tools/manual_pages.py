@@ -46,7 +46,7 @@ def manual_files() -> Iterator[tuple[str, bytes]]:
 
 
 def anchor(heading: str) -> str:
-    """Return the name of a heading in addresses."""
+    """Return the anchor of a heading, as links name it."""
     return re.sub(r"[^\w\- ]", "", heading.lower()).strip().replace(" ", "-")
 
 

@@ -153,7 +153,7 @@ def _pipeline(request: TrackRequest, source: Any, progress: Progress) -> MarkerP
 
 
 def learn_from_source(pipeline: MarkerPipeline, source: Any) -> None:
-    """Learn the background from the take's own images, unless there is only one."""
+    """Learn the background from the take's own images, unless the take has only one."""
     samples = list(source.samples(_SETTINGS.background_samples))
     if len(samples) > 1:
         pipeline.learn_from_take(samples)

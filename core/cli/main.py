@@ -52,7 +52,7 @@ class Progress:
             self._width = len(line)
 
     def clear(self) -> None:
-        """Remove the line."""
+        """Remove the progress from the terminal."""
         if self._shown and self._width:
             sys.stderr.write("\r" + " " * self._width + "\r")
             sys.stderr.flush()
@@ -110,7 +110,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _forget(stream: TextIO) -> None:
-    """Discard the rest of a stream that has not been written."""
+    """Discard what a stream has not written yet."""
     nowhere = os.open(os.devnull, os.O_WRONLY)
     os.dup2(nowhere, stream.fileno())
     os.close(nowhere)

@@ -137,7 +137,7 @@ def _listed(names: Sequence[str]) -> str:
 
 
 def _fitting(rest: ArmatureRest, preset: Mapping[str, str]) -> dict[str, str] | None:
-    """Return a preset's bones in this armature, or None if any but fingers, thumbs and toes are missing."""
+    """Return a preset's bones in this armature, or None if bones other than fingers, thumbs and toes are missing."""
     bare = {name.split(":")[-1]: name for name in reversed(rest.names)}
     bones = {}
     for joint, bone in preset.items():
@@ -150,7 +150,7 @@ def _fitting(rest: ArmatureRest, preset: Mapping[str, str]) -> dict[str, str] | 
 
 
 def _fill_limbs(rest: ArmatureRest, found: dict[str, int], by_name: dict[str, bool], limbs: Limbs) -> None:
-    """Replace limbs with incomplete names, including hands and toes, by those found by shape."""
+    """Replace limbs not completely found by name, with their hands and toes, by those found by shape."""
     for kind, chains, find_joints, joints in (
         ("leg", limbs.legs, leg_joints, ("femur", "tibia", "foot", "toes")),
         ("arm", limbs.arms, arm_joints, ("clavicle", "humerus", "radius", "wrist", "hand", "fingers", "thumb")),

@@ -74,7 +74,7 @@ def window_motions(library: MotionLibrary, windows: Windows, times_s: Array) -> 
 
 
 def _frames_of(library: MotionLibrary, windows: Windows, times_s: Array) -> Array:
-    """Return fractional frames (K, T) of the database."""
+    """Return the fractional database frames (K, T) of the windows at times (T,)."""
     return np.asarray(windows.starts[:, None] + times_s * windows.rates[:, None] * library.fps)
 
 

@@ -35,7 +35,7 @@ class LibrarySettings:
 
     search_fps: float = 30.0  # rate of the frames at which a window may start
     lowest_percent: float = 5.0  # percentile of a clip's heights that counts as floor: single frames are noisy
-    low_m: float = 0.05  # largest height of planted toes above that floor, and of still toes above their lowest nearby
+    low_m: float = 0.05  # largest height of planted toes above that floor, of still toes above their lowest nearby
     standing_m_s: float = 0.35  # largest horizontal speed of planted toes
     still_m_s: float = 0.25  # largest speed of still toes
     steady_s: float = 0.1  # shortest contact
@@ -86,7 +86,8 @@ class MotionLibrary:
         self._level(skeleton)
         self.contacts, self.still_toes = self._contacts()
         heights_m = forward_kinematics(skeleton, hanging(skeleton), np.zeros(3))[0][:, 1]
-        self.hanging_m = float(np.mean([heights_m[skeleton.index(side + "hand")] for side in "lr"]))  # above the root
+        # relative to the root
+        self.hanging_m = float(np.mean([heights_m[skeleton.index(side + "hand")] for side in "lr"]))
 
     def _level(self, skeleton: Skeleton) -> None:
         """Move the floor of each clip to y = 0."""
@@ -163,7 +164,7 @@ class MotionLibrary:
 
 
 def standing_toes_m(skeleton: Skeleton) -> float:
-    """Return the usual height of the toe joints of a standing body, metres."""
+    """Return the height of a standing body's toe joints above the floor, metres."""
     return 0.024 * _leg_m(skeleton) / 0.8
 
 

@@ -43,7 +43,7 @@ class PoseFitSettings:
 
 
 class PoseFit:
-    """Fits poses of one skeleton.
+    """Fits poses of one skeleton to targets of its joints.
 
     Args:
         joints: Names (M) of the joints with targets, at least three.

@@ -35,7 +35,7 @@ class Placement:
 
 
 def new_action(animation: bpy.types.AnimData, name: str, onto: PlacementMode) -> bpy.types.Action:
-    """Return a new action without curves; for a strip, push the active one down."""
+    """Return a new action without curves; for a strip, first push the active action down."""
     if onto is not PlacementMode.ACTION:
         _push_down(animation)
     action = bpy.data.actions.new(name)

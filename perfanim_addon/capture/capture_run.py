@@ -75,7 +75,7 @@ class CaptureRun:
         self._stamp = 0.0
         self._preview: Message | None = None
         self._taken = 0  # number of poses received, including repeated ones
-        self._restarting = ""  # until the first pose of the restarted worker
+        self._restarting = ""  # message until the first pose of the restarted worker
         self._last_arrival = self._stop_asked = clock()
 
     @property

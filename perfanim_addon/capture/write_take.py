@@ -75,7 +75,7 @@ def filter_take(take: TakeFile, chosen: FilterSettings, use_stored: bool = True)
     """Return all poses of a take, filtered.
 
     Args:
-        chosen: Settings for a take that stores none, or whose own are not used.
+        chosen: Settings for a take without stored settings, or whose stored settings are not used.
         use_stored: Whether the settings stored in the take take precedence.
     """
     stored = take.notes.filters if use_stored else None
@@ -174,7 +174,7 @@ class _FurtherWriter:
 def _chosen_keys(
     context: bpy.types.Context, poses: _SteadyPoses, how: Placement, character: bpy.types.Object, plan: RetargetPlan
 ) -> tuple[Mask, Placement]:
-    """Return the poses (N,) that get keys, and the placement with the doubtful frames."""
+    """Return a mask (N,) of the poses that get keys, and the placement with the doubtful frames."""
     doubtful = np.array([pose.confidence < DOUBTFUL for pose in poses.nearest])
     leave_out = context.scene.perfanim_result.doubtful != "MARK"
     parts: dict[str, list[float]] = {}

@@ -65,7 +65,7 @@ def store_map(armature_object: bpy.types.Object, found: BoneMap) -> None:
 
 
 def store_problem(armature_object: bpy.types.Object, problem: str) -> None:
-    """Store an empty map, to be filled in by hand, and the reason why none was found."""
+    """Store an empty map, to be filled in by hand, and the reason why no map was found."""
     missing = {joint: JointMatch("", MatchState.MISSING) for joint in JOINT_NAMES}
     store_map(armature_object, BoneMap(missing, ""))
     armature_object.perfanim_character.problem = problem

@@ -180,7 +180,7 @@ _OBJECT_PLACE = ("rotation_mode", "delta_location", "delta_rotation_quaternion",
 
 
 def _pose_state(armature_object: bpy.types.Object) -> tuple[Any, ...]:
-    """Return the state that driving an armature changes."""
+    """Return everything about an armature's pose that writing a motion to it changes."""
     bones = []
     for bone in armature_object.pose.bones:
         switches = {name: value for name, value in bone.items() if isinstance(value, float | int)}

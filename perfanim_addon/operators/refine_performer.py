@@ -52,7 +52,7 @@ class PERFANIM_OT_refine_performer(TakeOperator, SolvingOperator, bpy.types.Oper
 
 
 class _AnsweringOperator(PanelOperator):
-    """Base of the answers to the offer of a refined performer."""
+    """Base of the operators that answer the offer of a refined performer."""
 
     panel = takes_panel.KEY
     missing_input = need(lambda context: offer.refined, "Click Refine Performer first")

@@ -73,7 +73,7 @@ PRACTISE_FAULTS = (
     *(
         (fault.name, fault.capitalize(), f"Practise with a simulated studio that has this fault: {fault}")
         for fault in Fault
-        if fault not in (Fault.BOARD_SMALL, Fault.FLIPPED)  # need pictures without a performer, or videos
+        if fault not in (Fault.BOARD_SMALL, Fault.FLIPPED)  # these two need pictures without a performer, or videos
     ),
 )
 

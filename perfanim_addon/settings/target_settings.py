@@ -151,7 +151,7 @@ def object_of(context: bpy.types.Context, prop: Prop) -> str:
 
 
 def meant_for(scene: bpy.types.Scene, names: Sequence[str]) -> list[int | None]:
-    """Return the target index of each performer: matched by name, the rest in order."""
+    """Return the target index of each performer: performers are matched by name, the remaining ones in order."""
     entries = scene.perfanim_targets.entries
     free = [index for index, entry in enumerate(entries) if entry.kind == "PERFORMER"]
     meant: list[int | None] = []

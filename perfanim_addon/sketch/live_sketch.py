@@ -44,7 +44,7 @@ class LiveSketch:
         self.body = SketchBody.of(found)
         self._driver = ArmatureDriver(armature, self.body.skeleton, settings(context).body_parts)
         self.noted = False
-        self.shown = 0  # number of solutions
+        self.shown = 0  # number of solutions shown
         self._number = self._answered = 0
         self._seen = {each.joint: each for each in read_controls(context, found, self.body.space).controls}
         self._sent: dict[str, Any] = {}

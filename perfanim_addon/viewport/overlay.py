@@ -32,7 +32,7 @@ _SPACE_COLOUR: Colour = (0.31, 1.0, 0.31, 0.8)  # as in the pictures of Check Se
 
 @dataclass(frozen=True)
 class Scene:
-    """Constant parts of a capture."""
+    """Parts of the overlay that stay the same during a capture."""
 
     performers: tuple[tuple[Skeleton, tuple[str, ...]], ...]  # skeleton and marker names (M), in the poses' order
     cameras_m: Array  # positions (C, 3) in the capture space

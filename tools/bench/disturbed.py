@@ -51,7 +51,7 @@ def disturbed_take(disturbance: Disturbance, truth: Motion, seed: int) -> tuple[
 
 
 def _flickering(take: MarkerTake, disturbance: Disturbance, generator: np.random.Generator) -> MarkerTake:
-    """Return the take with short gaps, four of five a single frame long, and wild points."""
+    """Return the take with wild points and short gaps, four in five of which are a single frame long."""
     positions, shape = take.positions_m.copy(), take.positions_m.shape[:2]
     ways = generator.normal(size=(*shape, 3))
     ways *= generator.uniform(*_WILD_M, (*shape, 1)) / np.linalg.norm(ways, axis=-1, keepdims=True)

@@ -70,7 +70,7 @@ def _solve(
 
 
 def _jitter_m(points_m: Array) -> float:
-    """Return the mean length of the third differences of points (F, M, 3); the points' own are of the same frames."""
+    """Return the mean length of the third differences of points (F, M, 3)."""
     return float(np.nanmean(np.linalg.norm(np.diff(points_m, 3, axis=0), axis=-1)))
 
 

@@ -202,7 +202,7 @@ def label_faults(run: Run, seed: int = 0) -> dict[str, Any]:
 
 
 def _look(file: MotionFile, seed: int) -> tuple[Rows, Rows, float]:
-    """Return a row for each fault put into a take, one for each false alarm in the clean take, and its seconds."""
+    """Return a row for each fault put into a take, one for each false alarm in the clean take, and its duration, s."""
     motion = read_motion(file.path, file.skeleton)
     motion = resampled(motion, FPS) if motion.fps > FPS else motion
     rows, alarms, seconds = [], [], 0.0

@@ -180,7 +180,7 @@ def captured(request: dict[str, Any], seconds: float, tick_ms: float | None) -> 
 
 
 def probe_children() -> None:
-    """Make child processes of this one take notes, and their children, too."""
+    """Make the child processes of this one, and their children, take notes."""
     folder, paths = str(Path(__file__).parents[1]), child_process.library_paths
     vars(child_process).update(process=SimpleNamespace(main=probed), library_paths=lambda: [folder, *paths()])
 

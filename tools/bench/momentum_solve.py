@@ -31,7 +31,7 @@ def main() -> None:
     parser.add_argument("out", help=".npz to write")
     args = parser.parse_args()
     library = Path(sysconfig.get_path("platlib"), "pymomentum_cpu.libs", "libstdc++-pymomentum.so.6")
-    if library.exists() and "LD_PRELOAD" not in os.environ:  # its progress bar crashes with another libstdc++
+    if library.exists() and "LD_PRELOAD" not in os.environ:  # Momentum's progress bar crashes with another libstdc++
         os.execve(sys.executable, [sys.executable, *sys.argv], os.environ | {"LD_PRELOAD": str(library)})  # noqa: S606
     with np.load(args.given) as file:
         given = {name: file[name] for name in file.files}

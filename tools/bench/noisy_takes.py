@@ -19,7 +19,7 @@ from .solving import degrees_per_joint, expected_of, markers_of, share_within, s
 
 Row = dict[str, Any]
 _LISTED, _DRAWN = 20, 24  # worst frames listed for each check, and drawn
-_JUMP_DEG = 10.0  # change of a joint between two frames in addition to the truth's
+_JUMP_DEG = 10.0  # smallest jump: change of a joint between two frames beyond the truth's
 _T_POSE_S, _FIRST = 0.5, 15  # duration of the T pose before a take; number of frames after it that are compared
 _FAR_M = 0.03
 _NOISE_MM, _DROPOUT = 3.0, 0.1

@@ -27,7 +27,7 @@ _VARIED_FRAMES = 10_000_000  # including variations of everything
 # standard deviations of a variation: a joint's angles are scaled by a factor within this of 1, and offset within this
 _VARIED, _MOVED_RAD = 0.06, 0.03
 _FRAMES = 240  # frames solved per take
-_TAKES = {"known": WALKING, "unlike": UNLIKE}  # motion of which the database has much, and none
+_TAKES = {"known": WALKING, "unlike": UNLIKE}  # motion that is common in the database, and motion that it lacks
 
 
 def scale(run: Run, full: bool = False) -> dict[str, Any]:

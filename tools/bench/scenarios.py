@@ -138,8 +138,8 @@ UNKNOWN_SUITS: dict[str, tuple[str, str | tuple[str, str]]] = {
     "init100.trc": (_TEST, "trc/opensim-core/Applications/Scale/tests/resources/init100.trc"),
     "subject01_static.trc": (_TEST, "trc/opensim-core/Applications/Scale/tests/resources/subject01_static.trc"),
 }
-# people whom no database of these takes holds, each seen as the points of a markerless tool; the settings of keypoints
-# were chosen on 07_01, 14_02, 14_08, 49_04, 49_10, 13_30, 91_47 and 135_05
+# people whom the databases for these takes lack, each given as the points of a markerless tool; the settings of
+# keypoints were chosen on 07_01, 14_02, 14_08, 49_04, 49_10, 13_30, 91_47 and 135_05
 KEYPOINT_TAKES = (
     (Take("walk (07_08)", "07_08"), "coco-17"),
     (Take("figure eight (91_01)", "91_01", 0.4, 0.6), "blazepose-33"),

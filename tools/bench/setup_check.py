@@ -38,7 +38,7 @@ def setup_check(run: Run, studios: int = 12, seed: int = 71) -> dict[str, Any]:
 
 
 def named(kind: str, rng: np.random.Generator) -> tuple[str, ...]:
-    """Return the faults that are named in a random studio of a given kind."""
+    """Return the faults that the check names in a random studio of a given kind."""
     if kind == Fault.BOARD_SMALL or (kind == HEALTHY and rng.random() < 0.2):
         findings = board_faults(*board_views(rng, small=kind != HEALTHY))
     else:

@@ -97,6 +97,6 @@ def _ticked(capture: CaptureRun, until: Callable[[], bool]) -> float:
 
 
 def _memory_mb(process_id: int) -> list[float]:
-    """Return a process's share of memory, and the part that does not belong to files."""
+    """Return a process's proportional set size, and the part of it that is not file pages, MB."""
     rows = dict(line.split(":", 1) for line in Path(f"/proc/{process_id}/smaps_rollup").read_text().splitlines()[1:])
     return [1024e-6 * int(rows[key].split()[0]) for key in ("Pss", "Pss_Anon")]

@@ -61,7 +61,7 @@ def suits(run: Run, baseline: Path | None = None, suits: Path | None = None) -> 
 
 
 def _solve(name: str, path: Path, ours: _Version, theirs: _Version | None, folder: Path) -> list[dict[str, Any]]:
-    """Return a row for each method for a take, in another process."""
+    """Solve a take with each method, in another process; return a row for each."""
     subject, motion = folder / f"{name}.toml", folder / f"{name}.bvh"
     fit = ("--database", str(ours.database), "--marker-set", "auto")
     ours.product.call("calibrate", "subject", str(path), *fit, "--out", str(subject))

@@ -70,7 +70,7 @@ def unknown_labels(
 def _rows(
     title: str, use: str, source: Path | Motion, worn: str, database: Path, seed: int, frames: int
 ) -> list[dict[str, Any]]:
-    """Return a row for each kind of drawn labels of a take, in another process."""
+    """Return a row for each way of changing the labels of a take, in another process."""
     take = middle(read_labelled(source, None) if isinstance(source, Path) else _simulated(source, worn, seed), frames)
     match = match_best_set(take.names, title)
     true = match.rename(take)
@@ -149,7 +149,7 @@ def _wrists_m(motion: Motion) -> Array:
 def _counts(match: LabelMatch, found: str, names: tuple[str, ...], true: list[str]) -> dict[str, int]:
     """Return how many markers of the true set are right, wrong and unnamed, and how many others got a name.
 
-    A marker of another set is right where the true one usually is.
+    A marker of another set counts as right if its usual position is that of the true one.
     """
     sets = [load_marker_set(match.marker_set.name), load_marker_set(found)]
     places = [dict(zip(s.names, places_standing(s.markers, default_skeleton()), strict=True)) for s in sets]

@@ -12,9 +12,9 @@ from .proportions import Array, Body
 
 # standard deviations of a segment's share of the height between people of the same height
 _SPREAD = {"leg": 0.025, "trunk": 0.020, "neck": 0.035, "arm": 0.025, "shoulder": 0.035, "hip": 0.045, "foot": 0.030}
-_PART_SPREAD = {"foot": 0.018, "wrist": 0.018, "hand": 0.018}  # for shank and forearm within their limbs
-_SIDE_SPREAD = 0.006  # between left and right limbs
-_BROAD = {"shoulder": 0.07, "hip": 0.09}  # additional length for a broad build
+_PART_SPREAD = {"foot": 0.018, "wrist": 0.018, "hand": 0.018}  # of a part's share of its limb
+_SIDE_SPREAD = 0.006  # of the difference between left and right limbs
+_BROAD = {"shoulder": 0.07, "hip": 0.09}  # relative additional length for a broad build
 _JOINTS = {
     "leg": "tibia foot", "trunk": "upperback thorax lowerneck clavicle", "neck": "upperneck head",
     "arm": "radius wrist hand fingers thumb", "shoulder": "humerus", "hip": "femur", "foot": "toes",

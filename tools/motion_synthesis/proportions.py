@@ -30,7 +30,7 @@ def facing_front(heading_rad: float) -> float:
 
 
 def turned(heading_rad: float | Array, forward: float | Array, left: float | Array) -> tuple[Array, Array]:
-    """Return world (x, z) of a ground vector of a body facing `heading_rad` (0: +z)."""
+    """Convert a ground vector of a body that faces `heading_rad` (0: +z) to world (x, z)."""
     sine, cosine = np.sin(heading_rad), np.cos(heading_rad)
     return forward * sine + left * cosine, forward * cosine - left * sine
 

@@ -163,7 +163,7 @@ def second_blender(chance: random.Random, folder: Path) -> str:
     """Start another Blender with the same folders; wait until it has changed a take.
 
     Raises:
-        AssertionError: It fails.
+        AssertionError: The second Blender fails.
     """
     if not is_on():
         return "off"

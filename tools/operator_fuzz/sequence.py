@@ -71,7 +71,7 @@ def take_step(step: Callable[..., Any], chance: random.Random, folder: Path) -> 
 
 
 def end() -> None:
-    """End like loading another file and switching the add-on off."""
+    """End as when another file is loaded and the add-on is switched off."""
     clear()
     if is_on():
         addon_utils.disable(ADDON, default_set=True)

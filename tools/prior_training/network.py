@@ -24,7 +24,7 @@ _PARTS = (
     )),
 )  # fmt: skip
 PART_OF_JOINT = np.array([next(i for i, names in enumerate(_PARTS) if name in names) for name in JOINT_NAMES])
-_RATE, _WARM_UP = 1.5e-3, 300  # learning rate of Adam, reached after this number of steps
+_RATE, _WARM_UP = 1.5e-3, 300  # learning rate of Adam, and number of steps after which it is reached
 _BETA = 0.5  # exponent in the loss: 0 is the plain likelihood, 1 squared errors (Seitzer et al. 2022)
 _AVERAGED = 0.998  # share of the averaged weights that is kept in each step
 _REPORT_EVERY = 100

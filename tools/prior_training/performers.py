@@ -10,7 +10,8 @@ from perfanim.core.geometry.arrays import Array, FloatArray, IntArray, Mask
 from perfanim.core.markers.marker_set import load_marker_set
 
 FEW, MANY = 14, 44  # number of slots for markers
-_SMALL_SETS = {"boxing": 0.45, "locomotion": 0.2, "kendo": 0.1, "one-camera": 0.15, "two-webcams": 0.1}  # shares
+# share of the performers with each set
+_SMALL_SETS = {"boxing": 0.45, "locomotion": 0.2, "kendo": 0.1, "one-camera": 0.15, "two-webcams": 0.1}
 _LARGE_SETS = ("cmu-41", "helen-hayes", "optitrack-baseline", "plug-in-gait")
 _TORSO = tuple(
     JOINT_NAMES.index(name) for name in ("root", "lowerback", "upperback", "thorax", "lclavicle", "rclavicle")

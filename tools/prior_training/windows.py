@@ -23,7 +23,8 @@ _THORAX = JOINT_NAMES.index("thorax")
 _LEFT_ARM = np.arange(JOINT_NAMES.index("lclavicle"), JOINT_NAMES.index("lthumb") + 1)
 _ARMS = np.concatenate((_LEFT_ARM, _OTHER_SIDE[_LEFT_ARM]))
 _BORROWED_SHARE = 0.25  # share of performers with one arm or both taken from another frame
-_ONE_CAMERA_SHARE, _SOME_SHARE = 0.05, 0.2  # share of performers filmed by one camera; with markers that only one sees
+# share of performers filmed by one camera, and share with some markers that only one camera sees
+_ONE_CAMERA_SHARE, _SOME_SHARE = 0.05, 0.2
 _DEPTH_M = (0.004, 0.06)  # standard deviations of the error of points along a ray
 _BETWEEN = 4  # lags that are interpolated between frames; for longer ones the nearest frame is enough
 _MATRIX_SIGNS = np.outer((-1.0, 1.0, 1.0), (-1.0, 1.0, 1.0)).astype(np.float32)

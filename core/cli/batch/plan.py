@@ -160,7 +160,7 @@ class TakePlan:
         source: The take as the plan names it.
         take: File that is solved; "" if it is tracked from the videos in the options.
         options: Values of `TakeOptions` that are set, with absolute paths.
-        digest: Hash of everything its outputs depend on (see `take_digest`); "" until it is computed.
+        digest: Hash of everything that the take's outputs depend on (see `take_digest`); "" until it is computed.
     """
 
     name: str

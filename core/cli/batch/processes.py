@@ -56,7 +56,7 @@ class _OpenTasks:
             self._left.setdefault(_performer(task), deque()).append(task)
 
     def next_after(self, last: Task | None) -> Task | None:
-        """Return a task for the process that last did `last`, or None if none is left."""
+        """Return a task for a process whose previous task was `last`, or None if no task is left."""
         with self._lock:
             if not self._left:
                 return None
@@ -97,7 +97,7 @@ class _Worker:
             return failed_record(task.take, reason)
 
     def kill(self) -> None:
-        """End the process for good; called from a different thread than `run`."""
+        """End the process for good; called from a thread other than that of `run`."""
         with self._lock:
             self._is_killed = True
             if self._process is not None:
