@@ -18,10 +18,10 @@ SessionMaker = Callable[[Subject, Database, CameraRig | None, SolveSettings], Se
 
 @dataclass(frozen=True)
 class CaptureSetup:
-    """Set-up of a capture; `TakeSetup` is the same in table form."""
+    """Set-up of a capture; a `TakeSetup` holds the same as tables."""
 
     rig: CameraRig | None  # None for markers without cameras
-    performers: tuple[Subject, ...]  # at least one, each with the markers worn
+    performers: tuple[Subject, ...]  # at least one, each with the markers that are worn
     props: tuple[Prop, ...]
     database: Database
     settings: SolveSettings
@@ -32,12 +32,12 @@ class CaptureSetup:
         return CaptureSetup(tables.camera_rig(), tables.subjects(), tables.carried_props(), database, settings)
 
     def tables(self, capture: Mapping[str, Any], settings: Mapping[str, Any] | None = None) -> TakeSetup:
-        """Return the tables of a new take, by default with the solver settings that differ from the defaults."""
+        """Return the tables for a new take; `settings` are by default those that differ from the solver's defaults."""
         given = self.settings.table() if settings is None else settings
         return TakeSetup.of(self.rig, self.performers, given, identity(self.database), capture, self.props)
 
     def make_session(self, make: SessionMaker = Session) -> MultiTargetSession:
-        """Return a new session of all targets; raises the errors of `MultiTargetSession`.
+        """Return a new session for all targets; errors are those of `MultiTargetSession`.
 
         Args:
             make: Creates the session of a single performer (see `SessionCache`).

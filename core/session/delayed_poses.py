@@ -1,7 +1,8 @@
 """Smoothing of poses by their neighbours in time: a binomial filter with five taps, delayed by two frames.
 
 A pose that is shown two frames later than solved can be averaged with the two poses before and the two after. This
-removes the jitter that noise and flickering markers cause, at no cost in accuracy: a centred mean does not lag.
+removes the jitter caused by marker noise and flickering markers at no cost in accuracy, because a centred mean does not
+lag.
 """
 
 from collections import deque
@@ -20,9 +21,9 @@ class TapSettings:
     """Settings of the filter."""
 
     frames: int = 2  # number of frames averaged on either side; also the delay
-    sigma_s: float = 1.0 / 60.0  # standard deviation of the weights; at 60 frames a second they are 1 4 6 4 1
-    pause_s: float = 0.25  # time between two frames above which they are not averaged
-    cut_m: float = 0.3  # movement of the root between two frames that only a cut explains
+    sigma_s: float = 1.0 / 60.0  # standard deviation of the Gaussian weights; at 60 Hz they are about 1 4 6 4 1
+    pause_s: float = 0.25  # time between two frames above which their poses are not averaged
+    cut_m: float = 0.3  # movement of the root between two frames above which there is a cut
 
 
 _S = TapSettings()
@@ -35,25 +36,25 @@ class DelayedPoses:
         self._window: deque[ScenePose] = deque(maxlen=2 * _S.frames + 1)
 
     def step(self, pose: ScenePose) -> ScenePose | None:
-        """Return the pose of two frames before, smoothed; None for the first two frames."""
+        """Add a pose, and return that of two frames earlier, smoothed; None for the first two frames."""
         self._window.append(pose)
         at = len(self._window) - 1 - _S.frames
         return _scene_calmed(self._window, at) if at >= 0 else None
 
     def rest(self) -> list[ScenePose]:
-        """Return the last poses, smoothed without later ones."""
+        """Return the poses not yet returned; at the end they are smoothed with fewer later ones."""
         first = max(len(self._window) - _S.frames, 0)
         return [_scene_calmed(self._window, index) for index in range(first, len(self._window))]
 
 
 def calm_poses(poses: Sequence[ScenePose]) -> list[ScenePose]:
-    """Return all poses of a take, each smoothed by its neighbours."""
+    """Return all poses of a take, each smoothed by its neighbours in time."""
     columns = [calm_performer(column) for column in zip(*(pose.performers for pose in poses), strict=True)]
     return [replace(pose, performers=row) for pose, row in zip(poses, zip(*columns, strict=True), strict=True)]
 
 
 def calm_performer(poses: Sequence[PerformerPose]) -> list[PerformerPose]:
-    """Return all poses of one performer, each smoothed by its neighbours."""
+    """Return all poses of one performer, each smoothed by its neighbours in time."""
     return [_calmed(poses, at) for at in range(len(poses))]
 
 
@@ -63,7 +64,7 @@ def _scene_calmed(poses: Sequence[ScenePose], at: int) -> ScenePose:
 
 
 def _calmed(poses: Sequence[PerformerPose], at: int) -> PerformerPose:
-    """Return a pose averaged with its neighbours that belong to the same motion."""
+    """Return a pose averaged with those of its neighbours that belong to the same motion."""
     first, last = at, at
     while first > max(at - _S.frames, 0) and _goes_on(poses[first - 1], poses[first]):
         first -= 1
@@ -74,13 +75,13 @@ def _calmed(poses: Sequence[PerformerPose], at: int) -> PerformerPose:
 
 def _goes_on(before: PerformerPose, pose: PerformerPose) -> bool:
     if not (np.isfinite(before.marker_rms_m) and np.isfinite(pose.marker_rms_m)):
-        return False  # one of them was not solved
+        return False  # one of the two was not solved
     moved_m = np.linalg.norm(pose.root_position_m - before.root_position_m)
     return 0.0 < pose.time_s - before.time_s < _S.pause_s and bool(moved_m < _S.cut_m)
 
 
 def _mean(poses: Sequence[PerformerPose], shown: PerformerPose) -> PerformerPose:
-    """Return one of the poses, moved onto a line that is fitted to all of them with weights by time."""
+    """Return the pose `shown` moved onto a line through all poses, fitted with weights that fall with time."""
     weights = _weights(np.array([pose.time_s for pose in poses]) - shown.time_s)
     turns = np.array([pose.rotations for pose in poses])
     away = rot.to_rotation_vector(rot.multiply(rot.conjugate(shown.rotations), turns))
@@ -90,7 +91,7 @@ def _mean(poses: Sequence[PerformerPose], shown: PerformerPose) -> PerformerPose
 
 
 def _weights(elapsed_s: Array) -> Array:
-    """Return the weight (N,) of each pose in the fitted line's value at time 0."""
+    """Return the weights (N,) of the poses in the value of the fitted line at time 0."""
     weights = np.exp(-0.5 * (elapsed_s / _S.sigma_s) ** 2)
     mass, moment, spread = (float(weights @ elapsed_s**power) for power in range(3))
     return np.asarray(weights * (spread - moment * elapsed_s) / (mass * spread - moment**2))

@@ -20,18 +20,18 @@ from ..solver.subject_model import SubjectModel
 from .label_check import Alternative, LabelCheck
 
 _EXAMPLES = 2048  # number of database poses for labelling without history
-_EVERY = 2  # step between those of them that are used to label points
+_EVERY = 2  # step between those of these poses that are used to label points
 _SAME_M = 0.02  # distance up to which two points are the same
-_NOTHING_COST = 8.0  # cost of each point of a frame without labels
-_FIT_M, _UNFIT_M = 0.01, 0.03  # distance of a marker from the solved body that costs 0.5; largest one counted
+_NOTHING_COST = 8.0  # cost of each point in a frame without labels
+_FIT_M, _UNFIT_M = 0.01, 0.03  # RMS distance of a marker from the solved body with a cost of 0.5; cap on this distance
 
 
 class AlternativeLabels(NamedTuple):
     """Alternative labels of a solved frame."""
 
     observation: Observation
-    nearer: float  # they are accepted if the distance to the closest example falls below this share of the present one
-    adds: bool  # they only label points that had no label
+    nearer: float  # accepted if the distance to the closest example falls below this share of the current one
+    adds: bool  # they only label points that have no label now
     keeps_torso: bool  # the torso markers keep their points, so that the pose shows where the torso is
     labeller: Labeller  # follows these labels
     time_s: float
@@ -39,12 +39,12 @@ class AlternativeLabels(NamedTuple):
 
 
 class BodyExamples:
-    """Markers of many poses, for labelling without history.
+    """Markers in many poses, for labelling without history.
 
     Attributes:
-        start_poses_m: Markers (M, 3) of the T pose and of a standing pose.
-        markers_m: Markers (E, M, 3) of many poses with the root at rest.
-        ups: Vertical (E, 3) of these poses in the root's frame.
+        start_poses_m: Markers (M, 3) in the T pose and in a standing pose.
+        markers_m: Markers (E, M, 3) in many poses with the root at rest.
+        ups: Up direction (E, 3) of these poses in the root's frame.
     """
 
     def __init__(self, model: SubjectModel, database: Database) -> None:
@@ -89,13 +89,13 @@ class FrameLabeller:
     def find_alternative(
         self, frame: MarkerFrame, elapsed_s: float, pose: PerformerPose, busy: bool = False
     ) -> AlternativeLabels | None:
-        """Return alternative labels of a solved frame if it makes some likely.
+        """Return alternative labels for a solved frame if the frame makes any likely.
 
         Args:
             busy: The frame was already expensive, so the search pauses.
         """
         alternative = self._check.step(frame, elapsed_s, pose, self._labeller.is_confident, busy)
-        if alternative is None:  # a pose that has just become suspect confirms nothing
+        if alternative is None:  # a pose that has just become suspect does not confirm labels
             if self._check.is_certain(frame, pose.seen):
                 self._labeller.confirm(self._check.confirmed_markers)
             return None
@@ -108,7 +108,7 @@ class FrameLabeller:
         kept = is_confident[markers] | ((labels[points] < 0) & ~np.isin(markers, labels))
         labels[points[kept]] = markers[kept]
         is_same = labels[points] == markers
-        if is_same.all() and np.sum(labels >= 0) == len(points):  # the difference is gone, or its markers are hidden
+        if is_same.all() and np.sum(labels >= 0) == len(points):  # nothing differs any more
             self._check.put_off(alternative.renaming)
             return None
         labeller.begin(frame.points_m, labels, is_confident)
@@ -121,16 +121,16 @@ class FrameLabeller:
         )
 
     def refute_alternative(self, alternative: AlternativeLabels) -> None:
-        """Keep the current labels, because the alternative does not fit the body."""
+        """Keep the current labels, because the alternative ones do not fit the body."""
         self._check.refute(alternative.alternative.renaming)
 
     def follow_alternative(self, alternative: AlternativeLabels) -> None:
-        """Continue with alternative labels."""
+        """Replace the current labels by the alternative ones."""
         check = self._check
         self.reset()
         self.labellings += 1
         self._labeller = alternative.labeller
-        if alternative.adds:  # the evidence for relabelling the others remains valid
+        if alternative.adds:  # the evidence for relabelling other markers remains valid
             self._check = check
         self._check.begin(alternative.time_s)
 
@@ -139,7 +139,7 @@ class FrameLabeller:
         return self._labeller.expected(predicted_m, elapsed_s)
 
     def cost(self, frame: MarkerFrame, pose: PerformerPose) -> float:
-        """Return the negative log likelihood of the labels of a frame's pose."""
+        """Return the negative log likelihood of the labels with which a frame's pose was solved."""
         located = int(np.sum(np.isfinite(pose.observed_m[:, 0])))
         if located == 0:
             return _NOTHING_COST * min(len(frame.points_m), len(self._torso))
@@ -147,7 +147,7 @@ class FrameLabeller:
         return cost + 0.5 * located * (float(np.fmin(pose.marker_rms_m, _UNFIT_M)) / _FIT_M) ** 2
 
     def label_initially(self, points_m: Array) -> InitialLabels | None:
-        """Return labels of points (N, 3) without history, or None if they do not look like a body."""
+        """Return labels of points (N, 3) without history, or None if the points do not look like a body."""
         return self._initial.label(points_m)
 
     def label(self, frame: MarkerFrame, predicted_m: Array | None, elapsed_s: float) -> Observation:
@@ -175,7 +175,7 @@ class FrameLabeller:
         return Observation(found.points_m, single, image_points, self._cameras)
 
     def _search_labels(self, frame: MarkerFrame, elapsed_s: float) -> IntArray:
-        """Return labels (N,) found without history; they are -1 until some are found."""
+        """Return labels (N,) found without history; all are -1 until the search has found some."""
         if self._search is None:
             self._search = LabelSearch(self._initial, frame.points_m, Labeller(self._torso))
         else:
@@ -201,12 +201,12 @@ class FrameLabeller:
         return Observation(points, cameras, image_points, self._cameras)
 
     def _by_marker(self, points_m: Array, labels: IntArray) -> Array:
-        """Return the points (M, 3) by marker, NaN where hidden."""
+        """Return the points (M, 3) in the order of the markers, NaN where hidden."""
         result = np.full((len(self._torso), 3), np.nan)
         result[labels[labels >= 0]] = points_m[labels >= 0]
         return result
 
 
 def is_labelled(frame: MarkerFrame) -> bool:
-    """Return whether the source gave labels."""
+    """Return whether the source of a frame labelled its markers."""
     return bool(np.any(frame.labels >= 0) or np.any(frame.single_labels >= 0))

@@ -1,8 +1,9 @@
 """Labelling one camera's blobs with several hypotheses in parallel.
 
-Markers that reappear or cross in the image have several possible labels, and only the motion that follows decides
-(multiple hypothesis tracking, Reid 1979). Each hypothesis has its own solver state and its own likelihood. While the
-best one leaves blobs unexplained, database examples at the body's root and at the last certain root add hypotheses.
+Blobs of markers that reappear or cross in the image have several possible labels, and only the motion that follows
+shows which are right (multiple hypothesis tracking, Reid 1979). Each hypothesis has its own solver state and
+likelihood. While the best one leaves blobs unlabelled, hypotheses are added from database examples, placed at the
+body's root and at the last certain root.
 """
 
 from collections.abc import Sequence
@@ -23,15 +24,15 @@ from ..solver.subject_model import RootPose
 _MOST_HYPOTHESES = 5
 # costs are negative log likelihoods
 _UNLABELLED_COST = 6.0  # cost of an unlabelled blob
-_MOST_FRAME_COST = 60.0  # largest cost of one frame, so that no outlier is decisive
-_HOPELESS = 25.0  # cost above the best at which a hypothesis is dropped
-_START_COST = 15.0  # cost of a hypothesis that starts from an example
-_SAME_M = 0.02  # distance of all markers below which two hypotheses are the same
-_SUSPECT = 0.6  # confidence below which labels are suspect; unlabelled blobs make them suspect, too
+_MOST_FRAME_COST = 60.0  # cap on the cost of one frame, so that no outlier is decisive
+_HOPELESS = 25.0  # cost relative to the best hypothesis above which one is dropped
+_START_COST = 15.0  # initial cost of a hypothesis that starts from an example
+_SAME_M = 0.02  # distance of every marker below which two hypotheses are the same
+_SUSPECT = 0.6  # confidence below which labels are suspect, as they are with unlabelled blobs
 _CERTAIN = 0.5  # confidence above which the root is certain
 _SUSPECT_FRAMES = 4  # successive frames with suspect labels after which hypotheses are added
-_SEARCH_S = 0.2  # pause between two such searches, and between searches for a performer who has not started
-_UNCERTAIN_S = 0.2  # age above which the last certain root is searched as well
+_SEARCH_S = 0.2  # pause between two searches for hypotheses, or for a start pose
+_UNCERTAIN_S = 0.2  # age of the last certain root from which hypotheses are also added there
 _STARTS = 2  # number of hypotheses added at each root
 
 
@@ -41,20 +42,20 @@ class Hypothesis:
 
     state: SolverState
     labeller: SingleViewLabeller
-    labels: IntArray  # (N,) of the last frame's blobs
-    markers_m: Array  # (M, 3) of the last pose
+    labels: IntArray  # (N,) labels of the last frame's blobs
+    markers_m: Array  # (M, 3) markers of the last pose
     observation: Observation
     solution: Solution | None
     cost: float = 0.0  # relative to the best hypothesis
-    start_s: float = 0.0  # time at which its labels were found without history
+    start_s: float = 0.0  # time of the frame that was labelled without history
 
 
 class HypothesisTracker:
     """Labels and solves successive frames of one camera.
 
     Args:
-        poses_m: Markers (M, 3) of the poses in which a performer may start, y up, facing +z.
-        examples_m: Markers (E, M, 3) of database poses with the root at rest.
+        poses_m: Markers (M, 3) in each pose in which a performer may start, y up, facing +z.
+        examples_m: Markers (E, M, 3) in database poses with the root at rest.
     """
 
     def __init__(self, camera: Camera, solver: PoseSolver, poses_m: Sequence[Array], examples_m: FloatArray) -> None:
@@ -71,7 +72,7 @@ class HypothesisTracker:
         self._searched_s = -np.inf
 
     def step(self, frame: MarkerFrame, confidence: float) -> Hypothesis | None:
-        """Return the best hypothesis after the next frame, or None before a start pose has been seen.
+        """Return the best hypothesis after the next frame; None until a start pose has been recognised.
 
         Args:
             confidence: Confidence of the last pose.
@@ -88,7 +89,7 @@ class HypothesisTracker:
         return self._hypotheses[0] if self._hypotheses else None
 
     def _begin(self, frame: MarkerFrame, start: SingleViewStart, cost: float = 0.0) -> Hypothesis:
-        """Return the hypothesis that starts with labels found without history."""
+        """Return a hypothesis that starts from labels found without history."""
         observation = self._observation(start.labels, frame.single_points)
         state = replace(self._solver.initial_state, markers_m=start.markers_m)
         solution, state = self._solver.step(state, observation, frame.time_s)
@@ -97,7 +98,7 @@ class HypothesisTracker:
         return Hypothesis(state, labeller, start.labels, markers_m, observation, solution, cost, frame.time_s)
 
     def _continue(self, frame: MarkerFrame, elapsed_s: float) -> None:
-        """Continue every hypothesis with all likely labels, and drop hopeless ones."""
+        """Continue every hypothesis with all likely labels of the frame, and keep the best hypotheses."""
         points = frame.single_points
         proposed = [
             (hypothesis.cost + 0.5 * cost, hypothesis, labels)
@@ -119,7 +120,7 @@ class HypothesisTracker:
         self._hypotheses = _prune(hypotheses)
 
     def _spawn_hypotheses(self, frame: MarkerFrame, confidence: float) -> None:
-        """Add hypotheses from examples while the best labels are suspect."""
+        """Add hypotheses from examples while the labels of the best one are suspect."""
         best, now_s = self._hypotheses[0], frame.time_s
         if best.solution is None:
             return

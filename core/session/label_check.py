@@ -12,32 +12,32 @@ from ..labelling.label_search import WORK, WORK_UNHURRIED, LabelSearch
 from ..labelling.labeller import Labeller
 from ..markers.marker_frame import MarkerFrame
 
-_FIRST_S, _RARE_S = 0.03, 1.0  # first and longest pause between checks; it doubles while the labels are certain
-_SUSPECT_S = 0.1  # longest pause for a suspect pose; also the pause between two comparisons with the database
-_SUSPECT = 0.5  # confidence per located marker below which a pose is suspect
+_FIRST_S, _RARE_S = 0.03, 1.0  # first and longest pause between checks; the pause doubles while labels are certain
+_SUSPECT_S = 0.1  # longest pause between checks of a suspect pose, and shortest between trials of alternatives
+_SUSPECT = 0.5  # confidence, relative to the share of located markers, below which a pose is suspect
 _STRAYS = 2  # number of unlabelled points, with as many hidden markers, that makes labels suspect
 _TORSO_MARKERS = 2  # fewest located torso markers for a pose that is not suspect
 _ENOUGH = 0.6  # share of the markers that must be located for a check
 _SAME_M = 0.02  # distance up to which two points are the same
-_UNCERTAIN = 0.3  # smallest factor for the confidence while the labels are uncertain
-_MISPLACED_M = 0.1  # scale of the factor's fall with the RMS displacement of the markers by other likely labels
+_UNCERTAIN = 0.3  # smallest factor of a pose's confidence while the labels are uncertain
+_MISPLACED_M = 0.1  # scale on which the factor falls with the RMS distance between current and likely markers
 
 # gains are log likelihood ratios of alternative to current labels, nats
 _CERTAIN = -2.0  # best gain below which one check confirms the current labels
-_UNCLEAR = -0.8  # best gain above which a check does not confirm them; checks with gains in between add up
-_CONFIRMATIONS = 3.0  # confirmation needed for the labels of a suspect pose; 1 for others
+_UNCLEAR = -0.8  # best gain above which a check does not confirm them; between the two it confirms partly
+_CONFIRMATIONS = 3.0  # sum of confirmations that makes the labels of a suspect pose certain; 1 for other poses
 _BETTER = 1.0  # best gain above which the labels are uncertain again
 _PLAUSIBLE = -4.0  # evidence needed to try alternative labels of a suspect pose
-_NEARER = 0.7  # these replace the labels if the distance to the closest example falls below this share
+_NEARER = 0.7  # alternatives on trial are accepted if the distance to the closest example falls below this share
 _LEAST = -10.0  # lower bound on the evidence for an alternative
-_PROVEN = 5.0  # evidence that replaces labels if the closest example gets no farther; gain that adds further labels
-_DECISIVE = 8.0  # gain that replaces labels in any case
+_PROVEN = 5.0  # evidence that replaces labels if the closest example is no farther; gain that adds labels
+_DECISIVE = 8.0  # gain that replaces labels unconditionally
 _FOLLOWED = 10.0  # penalty for relabelling markers that were tracked confidently
-_INDEPENDENT_S = 0.3  # time after which a check of such labels is independent of the last one; earlier it counts less
+_INDEPENDENT_S = 0.3  # time after which a check of such markers is independent of the last; an earlier one counts less
 _GONE_S = 0.1  # time without a pose after which earlier checks no longer count
 
 Renaming: TypeAlias = tuple[int, ...]  # see `LabelCheck._renaming`
-_NEW = -2  # entry of a renaming for a marker whose alternative point is unlabelled now
+_NEW = -2  # entry of a renaming for a marker whose alternative point has no label now
 
 
 class Alternative(NamedTuple):
@@ -46,12 +46,12 @@ class Alternative(NamedTuple):
     search: LabelSearch
     labels: IntArray  # (N,)
     renaming: Renaming
-    nearer: float  # they are accepted if the distance to the closest example falls below this share of the present one
+    nearer: float  # accepted if the distance to the closest example falls below this share of the current one
     contradicts: bool  # they relabel markers that were tracked confidently
 
 
 class LabelCheck:
-    """Decides how certain the labels of a tracked body are, and when others are more likely.
+    """Judges how certain the labels of a tracked body are, and when alternative labels are more likely.
 
     Args:
         torso: Markers (M,) on the torso.
@@ -64,7 +64,7 @@ class LabelCheck:
         self._is_sure: Mask = np.zeros(0, dtype=bool)
         self._confirmed, self._was_suspect, self._were_certain = 0.0, False, False
         self._compared: Mask = np.ones(len(torso), dtype=bool)
-        self._misplaced_m = np.inf  # RMS distance by which other likely labels would move the markers
+        self._misplaced_m = np.inf  # RMS distance by which alternative labels that are likely would move the markers
         self._evidence: dict[Renaming, float] = {}
         self._contradicting: set[Renaming] = set()
         self._weighed_s, self._stepped_s = -np.inf, -np.inf
@@ -72,14 +72,14 @@ class LabelCheck:
         self._wait_s, self._checked_s, self._tried_s = _FIRST_S, -np.inf, -np.inf
 
     def begin(self, time_s: float, start: InitialLabels | None = None) -> None:
-        """Initialise the confidence in new labels; if a search found them, from its alternatives."""
+        """Initialise the confidence in new labels; if a search found them, it depends on the alternatives found."""
         self._checked_s, self._were_certain = time_s, False
         if start is not None:
             self._confirmed = _confirmation(max((start.cost - cost for _, cost in start.alternatives), default=-np.inf))
 
     @property
     def confirmed_markers(self) -> Mask:
-        """Markers (M,) that were located in all frames since the last check, so that it applies to them."""
+        """Markers (M,) that were located in all frames since the last check, so that its result applies to them."""
         return self._compared
 
     def is_certain(self, frame: MarkerFrame, seen: Mask) -> bool:
@@ -91,10 +91,10 @@ class LabelCheck:
         return self._is_certain(self._was_suspect) and _strays(frame, seen) < _STRAYS
 
     def confidence(self, frame: MarkerFrame, seen: Mask) -> float:
-        """Return the factor by which the labels lower a pose's confidence; arguments are those of `is_certain`.
+        """Return the factor by which uncertain labels lower a pose's confidence; arguments are those of `is_certain`.
 
-        The farther other likely labels would move the markers, the lower it is: exchanging two adjacent markers hardly
-        changes a pose.
+        The farther likely alternatives would move the markers, the lower the factor is: exchanging two adjacent markers
+        hardly changes a pose.
         """
         if self.is_certain(frame, seen):
             return 1.0
@@ -105,10 +105,10 @@ class LabelCheck:
     def step(
         self, frame: MarkerFrame, elapsed_s: float, pose: PerformerPose, is_confident: Mask, busy: bool = False
     ) -> Alternative | None:
-        """Return alternative labels if this frame makes some likely.
+        """Return alternative labels if this frame makes any likely.
 
         Args:
-            is_confident: Markers (M,) that have been tracked confidently since the labels were certain.
+            is_confident: Markers (M,) that have been tracked confidently since the labels were last certain.
             busy: The frame was already expensive, so the search pauses.
         """
         self._compared = self._compared & np.isfinite(pose.observed_m[:, 0])
@@ -136,7 +136,7 @@ class LabelCheck:
         return bool(explained < _SUSPECT or unseen or _strays(frame, pose.seen) >= _STRAYS)
 
     def _work(self, frame: MarkerFrame, pose: PerformerPose, suspect: bool) -> float:
-        """Return the amount of search work in this frame, less while there is no evidence against the labels."""
+        """Return how much work the search does in this frame: less while there is no evidence against the labels."""
         is_certain = self._is_certain(suspect)
         self._were_certain |= is_certain
         likely = not self._were_certain or max(self._evidence.values(), default=0.0) >= 0.0
@@ -163,7 +163,7 @@ class LabelCheck:
         return self._confirmed >= (_CONFIRMATIONS if suspect else 1.0)
 
     def _judge(self, search: LabelSearch, suspect: bool, time_s: float) -> Alternative | None:
-        """Return the likeliest alternative, if it is likely enough."""
+        """Weigh the labels that a search has found; return the likeliest alternative if it is likely enough."""
         current = tuple(range(len(self._torso)))
         found = [(self._renaming(labels, search.points_m), labels, cost) for labels, cost in search.labellings()]
         others = {
@@ -178,7 +178,7 @@ class LabelCheck:
             (self._evidence[other] if other in self._contradicting else gain for other, gain in gains.items()),
             default=-np.inf,
         )
-        # a search that missed the current labels does not confirm them
+        # a search that did not find the current labels does not confirm them
         is_found = any(renaming == current for renaming, _, _ in found)
         likely = [self._moved_m(search, labels) for labels, gain, _ in others.values() if gain > _CERTAIN]
         agrees = any(renaming == current or self._only_adds(renaming) for renaming, _, _ in found)
@@ -192,14 +192,14 @@ class LabelCheck:
     def _chosen(
         self, search: LabelSearch, others: Mapping[Renaming, tuple[IntArray, float, bool]], suspect: bool, time_s: float
     ) -> Alternative | None:
-        """Return the alternative with the most evidence, if it is to replace the labels or to be tried.
+        """Return the alternative with the most evidence if it is to replace the labels, or is worth a trial.
 
         Args:
-            others: Labels (N,), gain, and whether they contradict confident tracking, of each alternative.
+            others: Labels (N,) and gain of each alternative, and whether it contradicts confident tracking.
         """
         gains = {renaming: gain for renaming, (_, gain, _) in others.items()}
         best = max(gains, key=lambda other: (self._evidence[other], gains[other]))
-        # a label for another point is not evidence for relabelling the rest
+        # a gain from labelling an additional point is not evidence for relabelling the others
         added = [renaming for renaming in gains if self._only_adds(renaming)]
         if added and _NEW in best and gains[best] - max(map(gains.__getitem__, added)) < _PROVEN:
             best = max(added, key=gains.__getitem__)
@@ -217,7 +217,7 @@ class LabelCheck:
         return Alternative(search, labels, best, 1.0 if is_better else _NEARER, contradicts)
 
     def put_off(self, alternative: Renaming) -> None:
-        """Treat the current labels as uncertain, because the alternative could not be tried yet."""
+        """Treat the current labels as uncertain, because the alternative ones could not be tried yet."""
         self._confirmed, self._tried_s = 0.0, -np.inf
         self._tried.discard(alternative)
 
@@ -226,10 +226,10 @@ class LabelCheck:
         self._evidence[alternative] = _LEAST
 
     def _weigh(self, gains: Mapping[Renaming, float], contradicting: set[Renaming], time_s: float) -> None:
-        """Add gains to the evidence for each renaming.
+        """Add the gains of a check to the evidence for each renaming.
 
-        The penalty for relabelling confidently tracked markers counts once, however long a body rests in an ambiguous
-        pose.
+        The penalty for relabelling confidently tracked markers counts only once, however long the body stays in an
+        ambiguous pose.
         """
         share, self._weighed_s = min((time_s - self._weighed_s) / _INDEPENDENT_S, 1.0), time_s
         sums = {}
@@ -267,12 +267,12 @@ class LabelCheck:
         return float(np.sqrt(np.mean(known))) if len(known) else np.inf
 
     def _only_adds(self, renaming: Renaming) -> bool:
-        """Return whether a renaming only labels additional points."""
+        """Return whether a renaming keeps all current labels and only adds labels."""
         located = np.isfinite(self._current_m[:, 0])
         return all(before == marker or (before < 0 and not located[marker]) for marker, before in enumerate(renaming))
 
     def _is_contradicted(self, renaming: Renaming) -> bool:
-        """Return whether a renaming gives the point of a confidently tracked marker to another."""
+        """Return whether a renaming takes the point of a confidently tracked marker away."""
         followed = np.flatnonzero(self._is_sure & np.isfinite(self._current_m[:, 0]))
         return any(
             renaming[marker] not in (marker, -1) or (renaming[marker] == -1 and marker in renaming)
@@ -281,10 +281,10 @@ class LabelCheck:
 
 
 def _confirmation(gain: float) -> float:
-    """Return how far a check with this best gain confirms the current labels, 0 to 1."""
+    """Return how far a check whose best alternative has this gain confirms the current labels, 0 to 1."""
     return float(np.clip((_UNCLEAR - gain) / (_UNCLEAR - _CERTAIN), 0.0, 1.0))
 
 
 def _strays(frame: MarkerFrame, seen: Mask) -> int:
-    """Return the number of unlabelled points, up to the number of markers (M,) that no camera sees."""
+    """Return the number of unlabelled points, at most that of the markers that no camera sees (`seen`: (M,))."""
     return min(len(frame.points_m), len(seen)) - int(np.count_nonzero(seen))

@@ -14,7 +14,8 @@ from ..body.standard_skeleton import JOINT_NAMES, SPINE_JOINTS
 from ..geometry.arrays import Array, evenly
 from ..markers.marker_set import MarkerSet
 
-# A marker beyond its hinge determines a limb: the hand shows how the elbow bends, the foot how the knee bends.
+# A limb is determined by any marker beyond its hinge: one on the hand shows how the elbow bends, one on the foot how
+# the knee does.
 _LIMBS = {"arm": ("radius", "wrist", "hand", "fingers", "thumb"), "leg": ("tibia", "foot", "toes")}
 LIMBS = {
     f"{side} {limb}": tuple(side[0] + joint for joint in joints)
@@ -28,7 +29,7 @@ _HELD = LIMBS | {"trunk": (*SPINE_JOINTS[1:], *(side + joint for side in "lr" fo
 class CoverageSettings:
     """Settings for the coverage."""
 
-    samples: int = 50  # frames that are checked for unused markers
+    samples: int = 50  # number of frames that are checked for unused markers
     farthest_m: float = 0.5  # largest distance from the body at which an unused marker may belong to it
 
 
@@ -41,10 +42,10 @@ class LimbCoverage:
 
     Args:
         limb: One of `body_parts.PARTS`.
-        markers: Its markers that were used and located at least once.
-        known: Those whose position a marker set gives.
-        placed: Those positioned from the motion.
-        left_out: Markers of the take near it that were not used.
+        markers: Number of its markers that were used and located at least once.
+        known: Number of these whose position the marker set gives.
+        placed: Number of these that were placed from the motion.
+        left_out: Number of markers of the take near this part that were not used.
         distance_m: Median distance between located and solved markers, NaN if there are none.
         distance_95_m: 95th percentile of these distances.
     """
@@ -71,7 +72,7 @@ class LimbCoverage:
 
 
 def parts_of(marker_set: MarkerSet) -> dict[str, list[int]]:
-    """Return the markers of each part of the body that carries any; those of the hips belong to the torso."""
+    """Return the indices of the markers on each part of the body that carries any; the hips belong to the torso."""
     joints = [JOINT_NAMES.index(marker.joint) for marker in marker_set.markers]
     joints = [PART_JOINTS["torso"][0] if joint == 0 else joint for joint in joints]
     parts = {part: [i for i, joint in enumerate(joints) if joint in own] for part, own in PART_JOINTS.items()}
@@ -97,7 +98,7 @@ def limb_coverage(marker_set: MarkerSet, distances_m: Array) -> tuple[LimbCovera
 
 
 def with_left_out(limbs: Sequence[LimbCoverage], left_out: Mapping[str, int]) -> tuple[LimbCoverage, ...]:
-    """Return the coverage completed with the unused markers near each part."""
+    """Return the coverage completed with the numbers of unused markers near each part."""
     by_part = {limb.limb: limb for limb in limbs}
     nothing = LimbCoverage("", 0, 0, 0, 0, np.nan, np.nan)
     return tuple(
@@ -108,7 +109,7 @@ def with_left_out(limbs: Sequence[LimbCoverage], left_out: Mapping[str, int]) ->
 
 
 def near_limbs(motion: Motion, points_m: Array) -> dict[str, int]:
-    """Return how many markers (F, N, 3) are nearest to each part of a moving body; distant ones are left out."""
+    """Return how many of the markers (F, N, 3) are nearest to each part of a moving body; distant ones do not count."""
     shown = evenly(motion.frames, _S.samples)
     if len(points_m) != motion.frames or points_m.shape[1] == 0:
         return {}
@@ -122,7 +123,7 @@ def near_limbs(motion: Motion, points_m: Array) -> dict[str, int]:
 
 
 def coverage_text(marker_set: MarkerSet, shown: Sequence[str], lacking: Sequence[str]) -> str:
-    """Return a sentence on how many of a take's markers were used, and which limbs none of them determines."""
+    """Return a sentence on how many of a take's markers were used, and on the limbs that none of them determines."""
     used = [marker for marker in marker_set.markers if marker.name in shown]
     placed = sum(marker.placed for marker in used)
     counts = [(placed, "placed from the motion"), (len(shown) - len(used), "left out")]
@@ -132,7 +133,7 @@ def coverage_text(marker_set: MarkerSet, shown: Sequence[str], lacking: Sequence
 
 
 def open_limbs(marker_set: MarkerSet, names: Sequence[str]) -> list[str]:
-    """Return the limbs, or the trunk, that the complete set determines and its markers `names` do not."""
+    """Return the limbs, and the trunk, that the complete set determines but its markers `names` do not."""
     carried = {marker.joint for marker in marker_set.markers}
     shown = {marker.joint for marker in marker_set.markers if marker.name in names}
     return [limb for limb, joints in _HELD.items() if carried & set(joints) and not shown & set(joints)]

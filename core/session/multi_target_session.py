@@ -55,7 +55,7 @@ class MultiTargetSession:
 
     @property
     def labellings(self) -> int:
-        """Number of times that labels were found without history, or replaced."""
+        """Number of times so far that labels were found without history, or replaced."""
         return sum(session.labeller.labellings for session in self._sessions)
 
     def label_cost(self, frame: MarkerFrame, pose: ScenePose) -> float:
@@ -79,7 +79,7 @@ class MultiTargetSession:
         return self._solve(shares, tuple(props), check_labels)
 
     def step_labelled(self, frame: MarkerFrame, known: ScenePose) -> ScenePose:
-        """Return the poses of the next frame, using the labels and props of known poses."""
+        """Return the poses of the next frame, solved with the labels and props of known poses."""
         usable = self._usable(frame)
         if usable is None:
             return self._refused(frame)
@@ -87,7 +87,7 @@ class MultiTargetSession:
         return self._solve(shares, known.props, check_labels=False)
 
     def solve_two_ways(self, poses: Sequence[ScenePose], progress: Callable[[float], None]) -> list[ScenePose]:
-        """Return the poses of a recorded take solved in both directions, with the same labels."""
+        """Return the poses of a recorded take, solved again in both directions of time with the same labels."""
         columns: list[Sequence[PerformerPose]] = []
         for index, session in enumerate(self._sessions):
             own = [pose.performers[index] for pose in poses]
@@ -109,7 +109,7 @@ class MultiTargetSession:
             self._assignment = PerformerAssignment(self._sessions)
             for session in self._sessions:
                 session.restart(NoteKind.TIMES_JUMPED)
-        # labels given by the source belong to the first performer
+        # labels given by the source refer to the first performer's markers
         return usable_frame(frame, len(self.subjects[0].marker_set), len(self.rig or ()))
 
     def _refused(self, frame: MarkerFrame) -> ScenePose:
@@ -132,7 +132,7 @@ class MultiTargetSession:
 
 
 def _labelled_share(frame: MarkerFrame, pose: PerformerPose) -> MarkerFrame:
-    """Return a frame with only the labelled points and rays of a pose."""
+    """Return a frame with only the points and rays that are labelled in a pose."""
     points, rays = np.flatnonzero(np.isfinite(pose.observed_m[:, 0])), np.flatnonzero(pose.single_cameras >= 0)
     return MarkerFrame(
         frame.number,

@@ -1,7 +1,7 @@
 """Assignment of each frame's blobs to several performers in view of the same cameras.
 
-One assignment over all tracked performers gives each blob (without images: each point) to the nearest expected marker.
-A performer's share is the frame without the others' blobs. Performers not yet tracked share what is left.
+One joint assignment matches each blob (without images, each point) to an expected marker of any tracked performer. A
+performer's share is the frame without the blobs of the others. Untracked performers share what is left.
 """
 
 from collections.abc import Sequence
@@ -18,10 +18,10 @@ from .frame_labelling import is_labelled
 from .session import Session
 
 _NOBODY = -1
-_PATIENCE_S = 1.0  # longest wait for all untracked performers before a body is assigned out of order
-_SEARCH_S = 0.1  # pause between two searches for several bodies, each as slow as solving several frames
+_PATIENCE_S = 1.0  # longest wait for all untracked performers in their order; after it, bodies are assigned anyway
+_SEARCH_S = 0.1  # pause between two searches for several bodies, each of which takes as long as several frames
 _UNLIKE = 1e3  # cost of a body that does not fit a performer's markers
-_ORDER_COST = 1.0  # cost of each place by which a body is out of order, added to that of the labels
+_ORDER_COST = 1.0  # cost of each position by which a body is out of order, added to the cost of its labels
 
 
 class PerformerAssignment:
@@ -54,7 +54,7 @@ class PerformerAssignment:
         return shares
 
     def _owners(self, frame: MarkerFrame) -> list[IntArray]:
-        """Return the owner of each blob by camera, or of each point without images."""
+        """Return the owner of each blob, by camera; without images, the owner of each point."""
         expected = [session.expected_markers(frame.time_s) for session in self._sessions]
         followed = [(index, *found) for index, found in enumerate(expected) if found is not None]
         seen = frame.blobs if self._has_images(frame) else (frame.points_m,)
@@ -76,14 +76,14 @@ class PerformerAssignment:
         return len(self._cameras) > 0 and len(frame.blobs) == len(self._cameras)
 
     def _share(self, frame: MarkerFrame, owners: Sequence[IntArray], index: int) -> MarkerFrame:
-        """Return the frame without other performers' blobs or points."""
+        """Return the frame without the blobs or points of other performers."""
         others = [(owner != _NOBODY) & (owner != index) for owner in owners]
         if self._has_images(frame):
             return without_blobs(frame, [np.flatnonzero(taken) for taken in others])
         return without_points(frame, others[0])
 
     def _propose_bodies(self, frame: MarkerFrame, waiting: Sequence[int]) -> list[MarkerFrame]:
-        """Return the share of each untracked performer: one body, or nothing while this is unclear."""
+        """Return the share of each untracked performer: one body, or nothing while it is unclear which body."""
         if self._waiting_since_s is None:
             self._waiting_since_s = frame.time_s
         if frame.time_s - self._searched_s < _SEARCH_S:
@@ -99,13 +99,13 @@ class PerformerAssignment:
             owners[bodies[column]] = row
         known = {row for row, _ in given}
         return [
-            # points that are near no body may be any performer's limb
+            # points far from all bodies may belong to a limb of any performer
             self._without(frame, (owners != row) & (owners != _NOBODY)) if row in known else _nothing(frame)
             for row in range(len(waiting))
         ]
 
     def _find_bodies(self, frame: MarkerFrame, waiting: Sequence[int]) -> list[IntArray]:
-        """Return the points of untracked bodies from left to right."""
+        """Return the indices of the points on each untracked body, from left to right."""
         left, expected_m = np.arange(len(frame.points_m)), []
         for index in waiting:
             start = self._sessions[index].labeller.label_initially(frame.points_m[left])
@@ -114,7 +114,7 @@ class PerformerAssignment:
                 left = left[start.labels < 0]
         if not expected_m:
             return []
-        # the first body may have taken points nearer to another
+        # the first body found may have taken points that are nearer to another
         markers, gates = np.concatenate(expected_m), np.full(sum(len(body) for body in expected_m), REACH_M)
         points, columns = assign_points(frame.points_m, frame.covariances_m2, markers, gates)
         owners = np.repeat(np.arange(len(expected_m)), [len(body) for body in expected_m])[columns]
@@ -124,7 +124,7 @@ class PerformerAssignment:
     def _assign_bodies(
         self, frame: MarkerFrame, waiting: Sequence[int], bodies: Sequence[IntArray]
     ) -> list[tuple[int, int]]:
-        """Return pairs of performer and body, matched by their markers, then by order."""
+        """Return pairs of performer and body, matched by how well they fit, then by order from left to right."""
         costs = np.zeros((len(waiting), len(bodies)))
         for row, index in enumerate(waiting):
             for column, body in enumerate(bodies):
@@ -134,7 +134,7 @@ class PerformerAssignment:
         return [(int(r), int(c)) for r, c in zip(rows, columns, strict=True) if costs[r, c] < _UNLIKE]
 
     def _without(self, frame: MarkerFrame, taken: Mask) -> MarkerFrame:
-        """Return the frame without some of its points and their blobs."""
+        """Return the frame without the points in a mask (N,) and without their blobs."""
         if not self._has_images(frame):
             return without_points(frame, taken)
         kept = [set(column[column >= 0].tolist()) for column in frame.point_blobs[~taken].T]
@@ -146,5 +146,5 @@ class PerformerAssignment:
 
 
 def _nothing(frame: MarkerFrame) -> MarkerFrame:
-    """Return a frame without markers."""
+    """Return the frame without any points, rays or blobs."""
     return MarkerFrame(frame.number, frame.time_s, notes=frame.notes)

@@ -61,11 +61,11 @@ class PoseFilter:
 
     @property
     def is_immediate(self) -> bool:
-        """Whether poses are to be shown as soon as they are solved (see `delayed_poses`)."""
+        """Whether poses are to be shown as soon as they are solved, not delayed (see `delayed_poses`)."""
         return self._settings.immediate
 
     def step(self, pose: ScenePose) -> ScenePose:
-        """Return the next pose filtered; the same object if all filters are off."""
+        """Return the next pose, filtered; the same object if all filters are off."""
         if (self._settings.smoothing_s, self._settings.feet) == (0.0, "off"):
             return pose
         performers = tuple(
@@ -74,7 +74,7 @@ class PoseFilter:
         return replace(pose, performers=performers, props=self._smooth_props(pose))
 
     def _smooth_props(self, pose: ScenePose) -> tuple[PropPose, ...]:
-        """Return the props, smoothed like the bodies, so that a held prop stays in the hand."""
+        """Return the props, smoothed like the performers, so that a held prop stays in the hand."""
         if len(self._props) != len(pose.props):
             self._props = [PoseSmoother(self._settings.smoothing_s) for _ in pose.props]
         smoothed = []
@@ -114,6 +114,6 @@ class _PerformerFilter:
 def filter_poses(
     poses: Sequence[ScenePose], skeletons: Sequence[Skeleton], floor_m: float | None, settings: FilterSettings
 ) -> list[ScenePose]:
-    """Return the poses of a take filtered; arguments and errors are those of `PoseFilter`."""
+    """Return the poses of a take, filtered; arguments and errors are those of `PoseFilter`."""
     pose_filter = PoseFilter(skeletons, floor_m, settings)
     return [pose_filter.step(pose) for pose in poses]

@@ -1,8 +1,8 @@
 """Labels of recorded takes, corrected with the help of later frames.
 
-Live, a body gets alternative labels only once they are proven. In a recorded take they also apply earlier: the session
-tracks the body backwards in time as long as these labels explain the markers better than the live
-ones. The frames with new labels are then solved again.
+Live, alternative labels replace the current ones only once there is enough evidence. In a recorded take they can also
+apply earlier: the session tracks the body backwards in time for as long as they explain the markers better than the
+live labels. The frames with new labels are then solved again.
 """
 
 from collections.abc import Callable, Sequence
@@ -17,15 +17,15 @@ from ..geometry.arrays import Array, Mask, runs
 from ..markers.marker_frame import MarkerFrame
 from .multi_target_session import MultiTargetSession
 
-_LEAD = 10  # frames with known labels before the body is tracked backwards or forwards
-_LABELLED = 5  # number of these, at their end, that keep their labels when the body is tracked backwards
-_FOLLOWED = 30  # number of frames solved again after those with new labels
-_AGREEING = 5  # successive frames with the same labels that end the backward tracking
+_LEAD = 10  # number of frames solved with known labels before the body is tracked in either direction
+_LABELLED = 5  # number of the last of these frames, whose labels are used when tracking backwards
+_FOLLOWED = 30  # number of frames after those with new labels that are solved again
+_AGREEING = 5  # number of successive frames with equal labels that ends the backward tracking
 _SAME_M = 0.005  # distance up to which two points are the same
-_NEAR_M = 0.05  # largest movement of a marker in a frame
+_NEAR_M = 0.05  # largest movement of a marker between two frames
 # evidence and costs are log likelihood ratios, nats
 _ALIKE_S = 0.05  # period in which frames count as one piece of evidence
-_EXCHANGE_COST = 4.0  # cost of each point that belongs to another marker in the next frame
+_EXCHANGE_COST = 4.0  # cost of each point that is another marker's in the next frame
 _CLEAR = 1.0  # evidence needed to use the later labels
 _HOPELESS = 30.0  # loss of evidence that ends the backward tracking
 _LATER = PoseNote.of(NoteKind.LABELLED_LATER)
@@ -38,12 +38,12 @@ def relabel(
     session: MultiTargetSession,
     progress: Callable[[float], None],
 ) -> tuple[list[ScenePose], Mask]:
-    """Return the poses, some with labels from later frames, and a mask (F,) of these.
+    """Return the poses, some solved with labels from later frames, and a mask (F,) of those.
 
     Args:
         poses: Live poses of the frames.
-        begun: Ascending indices of the frames from which on labels are new.
-        session: Session that solved them; it is reset.
+        begun: Ascending indices of the frames at which the session found or replaced labels.
+        session: Session that solved the poses; it is reset.
         progress: Called with the fraction done.
     """
     result, changed = list(poses), np.zeros(len(frames), dtype=bool)
@@ -63,7 +63,7 @@ def relabel(
 def _follow_back(
     frames: Sequence[MarkerFrame], poses: Sequence[ScenePose], at: int, stop: int, session: MultiTargetSession
 ) -> tuple[list[ScenePose], int]:
-    """Return poses with the labels of frames `at` to `stop` tracked backwards, and their first frame."""
+    """Return poses tracked backwards with the labels of the frames `at` to `stop`, and the index of the first."""
     session.reset()
     first = max(stop - _LABELLED, at)
     for index in range(stop - 1, first - 1, -1):
@@ -97,10 +97,10 @@ def _solve_again(
     most: Array,
     session: MultiTargetSession,
 ) -> None:
-    """Solve relabelled frames, and some after them, with their labels, in place.
+    """Solve the relabelled frames, and some frames after them, again with their labels, in place.
 
     Args:
-        most: Upper bound (F, P) on the confidence: that of the frames in which the labels were found.
+        most: Upper bound (F, P) on the confidence: the largest in the frames for which the labels were found.
     """
     session.reset()
     start, stop = relabelled
@@ -120,7 +120,7 @@ def _mirrored(frame: MarkerFrame) -> MarkerFrame:
 
 
 def _agree(pose: ScenePose, other: ScenePose) -> bool:
-    """Return whether most points have the same label and none has a different one."""
+    """Return whether most points have the same label in both poses and none has different labels."""
     return all(map(_labels_agree, pose.performers, other.performers))
 
 

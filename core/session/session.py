@@ -28,23 +28,23 @@ from .hypothesis_tracking import HypothesisTracker
 from .part_errors import PartErrors, doubtful_joints
 from .tracking_quality import TrackingQuality, assess_fit, tracking_of
 
-_FASTEST_M_S = 10.0  # speed that no torso reaches
-_WORN_S = 0.2  # time constant with which the place of a marker on the body is averaged
-_WORSE_M = 0.004  # RMS distance by which alternative labels may fit the body worse than the current ones
+_FASTEST_M_S = 10.0  # speed above which torso markers are not extrapolated: no torso is so fast
+_WORN_S = 0.2  # time constant for averaging a marker's offset from the solved body
+_WORSE_M = 0.004  # largest increase of the RMS distance from the body with alternative labels
 
 
 class _Tracked(NamedTuple):
     """A labelled and solved frame."""
 
-    observation: Observation  # markers that are believed
-    known_m: Array  # (M, 3) their positions for the solver: smoothed, and extrapolated while briefly hidden
+    observation: Observation  # markers that are used
+    known_m: Array  # (M, 3) positions for the solver: smoothed, and extrapolated while briefly hidden
     doubted: Mask  # (M,) markers that jumped
     exchanged: Mask  # (M,) markers whose exchanged labels were corrected
     solution: Solution | None
 
 
 class Session:
-    """Labels and solves the frames of one subject; single-camera markers need `rig`."""
+    """Labels and solves the frames of one subject; markers seen by a single camera are used only with a `rig`."""
 
     def __init__(
         self,
@@ -78,7 +78,7 @@ class Session:
         self.restart()
 
     def step(self, frame: MarkerFrame, check_labels: bool = True) -> PerformerPose:
-        """Return the next frame's pose; for a frame with an impossible time, the last pose again.
+        """Return the pose of the next frame; for a frame with an impossible time, repeat the last pose.
 
         Args:
             check_labels: Compare the labels found for a tracked body with alternatives, and doubt given labels whose
@@ -91,7 +91,7 @@ class Session:
         return self.step_usable(usable_frame(frame, len(self.subject.marker_set), len(self.rig or ())), check_labels)
 
     def refuse(self, frame: MarkerFrame) -> PerformerPose:
-        """Return the last pose again for a frame with an impossible time."""
+        """Repeat the last pose for a frame with an impossible time."""
         return self._last_pose(frame, self._last.time_s if self._last else 0.0, NoteKind.REFUSED)
 
     def step_usable(self, frame: MarkerFrame, check_labels: bool) -> PerformerPose:
@@ -121,13 +121,13 @@ class Session:
         return self._state.markers_m is not None
 
     def expected_markers(self, time_s: float) -> tuple[Array, Array] | None:
-        """Return expected markers (M, 3) and uncertainty (M,), metres, or None if the body is not tracked."""
+        """Return the expected markers (M, 3) and their uncertainties (M,), metres; None if the body is not tracked."""
         if self._state.markers_m is None:
             return None
         return self.labeller.expected(self._state.markers_m, self._elapsed_s(time_s))
 
     def restart(self, reason: NoteKind | None = None) -> None:
-        """Forget labels and pose, so that the next frame is treated like the first and its pose notes the reason."""
+        """Forget labels and pose: the next frame is treated like the first, and its pose gets a note of the reason."""
         self._decisions = [reason] if reason else []
         self.labeller.reset()
         self._forget()
@@ -137,7 +137,7 @@ class Session:
         self._state = self.solver.initial_state
         self._marker_velocities = None
         self._apart_m = np.full((len(self.subject.marker_set), 3), np.nan)  # offsets of observed from solved markers
-        self._labelled_s: float | None = None  # when one camera's labels were found
+        self._labelled_s: float | None = None  # time at which one camera's labels were found
         self._smoother = MarkerSmoother(len(self.subject.marker_set), self._source)
         self._quality.reset()
         if self._hypotheses is not None:
@@ -147,7 +147,7 @@ class Session:
         return time_s - self._last.time_s if self._last else 0.0
 
     def _track(self, frame: MarkerFrame, doubts: bool) -> _Tracked:
-        """Label and solve a frame starting from the last pose."""
+        """Label and solve a frame, starting from the last pose."""
         labellings = self.labeller.labellings
         observation = self.labeller.label(frame, self._state.markers_m, self._elapsed_s(frame.time_s))
         if self.labeller.labellings != labellings:
@@ -161,11 +161,11 @@ class Session:
         return _Tracked(observation, smoothed.points_m, found.believed.doubted, found.believed.exchanged, solution)
 
     def _carried(self, time_s: float) -> Carried:
-        """Return where the last two poses put the markers at a given time."""
+        """Return where the torso markers should be at a given time, extrapolated from the last two poses."""
         carried_m, torso = np.full((len(self.subject.marker_set), 3), np.nan), self._model.torso
         if self._state.markers_m is not None and self._marker_velocities is not None:
-            slow = torso & (np.linalg.norm(self._marker_velocities, axis=1) < _FASTEST_M_S)  # faster: after a cut
-            # a marker is not worn exactly where the body model has it
+            slow = torso & (np.linalg.norm(self._marker_velocities, axis=1) < _FASTEST_M_S)  # faster after a cut
+            # markers are not worn exactly where the body model has them, so their mean offsets are added
             worn_m = self._state.markers_m + np.nan_to_num(self._apart_m)
             carried_m[slow] = (worn_m + self._elapsed_s(time_s) * self._marker_velocities)[slow]
         return Carried(carried_m, self._last is not None and self._last.confidence >= DOUBTFUL)
@@ -197,7 +197,7 @@ class Session:
         limit_m, fresh = alternative.nearer * solution.nearest_m, self.solver.initial_state
         if alternative.keeps_torso:
             fresh = self.solver.begin_at_torso(solution)
-            if limit_m < np.inf and not alternative.adds:  # the history may keep the pose away from a closer example
+            if limit_m < np.inf and not alternative.adds:  # history may have kept the pose from a closer example
                 limit_m = min(limit_m, alternative.nearer * self.solver.closest_m(fresh, observation))
         if (
             alternative.adds
@@ -210,7 +210,7 @@ class Session:
         )
         if found is None:
             return
-        # compare on the markers that both label, because more markers fit worse
+        # compare only the markers that both labellings locate, because additional markers increase the error
         seen = alternative.observation.located & np.isfinite(pose.observed_m[:, 0])
         away_m = np.linalg.norm(found.markers_m[seen] - alternative.observation.points_m[seen], axis=1)
         if np.any(seen) and np.sqrt(np.mean(away_m**2)) > pose.marker_rms_m + _WORSE_M:
@@ -223,7 +223,7 @@ class Session:
         self._state = state
 
     def _track_hypotheses(self, frame: MarkerFrame, tracker: HypothesisTracker) -> _Tracked:
-        """Label and solve a frame of one camera with the best of several hypotheses."""
+        """Label and solve a frame of a single camera, with the best of several hypotheses."""
         best = tracker.step(frame, self._last.confidence if self._last else 0.0)
         nothing = np.full((len(self.subject.marker_set), 3), np.nan)
         none = np.zeros(len(nothing), dtype=bool)
@@ -237,7 +237,7 @@ class Session:
 
     def _solved_pose(self, frame: MarkerFrame, tracked: _Tracked, solution: Solution) -> PerformerPose:
         observation = tracked.observation
-        # with one camera, distances from the rays count
+        # with one camera, markers are compared with the rays
         shown = observation.back_projected(solution.markers_m) if self._has_one_camera else observation
         fit = assess_fit(shown, solution, self._quality.settings)
         texts = np.array(self.subject.marker_set.texts)
@@ -252,7 +252,7 @@ class Session:
         rotations = self._model.rotations(solution.pose, solution.root)
         errors_deg = self._part_errors.expected_deg(solution)
         doubtful, known, root_m = doubtful_joints(errors_deg), is_labelled(frame), solution.root.position_m
-        # a marker that is hidden for a moment is still known, so it neither disappears nor returns
+        # the slew limit must not take a marker hidden for a moment as one that disappears and returns
         points_m = shown.points_m if self._has_one_camera else tracked.known_m
         rotations = self._slew_limit.step(frame.time_s, rotations, root_m, points_m, held, known, doubtful)
         is_confident = self._has_one_camera or known
@@ -275,7 +275,7 @@ class Session:
         return replace(pose, notes=(*notes, *self._part_errors.notes(pose)))
 
     def _decided(self, solution: Solution) -> list[NoteKind]:
-        """Return the decisions since the last pose, and those of a solution."""
+        """Return, and forget, the decisions made since the last pose, with those of a solution."""
         decisions, self._decisions = self._decisions, []
         decisions += [solution.begun] if solution.begun else []
         return [*decisions, *([NoteKind.PRIOR_LED] if solution.prior_led else [])]
@@ -283,7 +283,7 @@ class Session:
     def _last_pose(
         self, frame: MarkerFrame, time_s: float, note: NoteKind, observation: Observation | None = None
     ) -> PerformerPose:
-        """Return the last pose, or the T pose at the origin, for a frame without a pose."""
+        """Return the last pose, or else the T pose at the origin, for a frame that was not solved."""
         seen = observation or Observation.of_points(np.full((len(self.subject.marker_set), 3), np.nan))
         return _kept_pose(self._last or _first_pose(self._model), frame, time_s, note, seen)
 
@@ -291,7 +291,7 @@ class Session:
 def _kept_pose(
     pose: PerformerPose, frame: MarkerFrame, time_s: float, note: NoteKind, seen: Observation
 ) -> PerformerPose:
-    """Return a pose repeated for a frame that has none."""
+    """Return an earlier pose as that of a frame that was not solved."""
     return replace(
         pose,
         number=frame.number,

@@ -9,7 +9,7 @@ from ..markers.subject import Subject, subject_tables
 from ..solver.settings import SolveSettings
 from .session import Session
 
-_SESSIONS_KEPT = 2  # kept low, because each holds the markers of all database frames
+_SESSIONS_KEPT = 2  # small, because each session holds the markers of all database frames
 
 
 class SessionCache:
@@ -20,7 +20,7 @@ class SessionCache:
         self._sessions: OrderedDict[str, Session] = OrderedDict()
 
     def database(self, path: Path | str) -> Database:
-        """Return a database, opened on the first call; errors are those of `open_database`."""
+        """Return the database of a file, which is opened on the first call; errors are those of `open_database`."""
         place = Path(path).resolve()
         if place not in self._databases:
             self._databases[place] = open_database(path)
@@ -29,7 +29,7 @@ class SessionCache:
     def session(self, subject: Subject, database: Database, rig: CameraRig | None, settings: SolveSettings) -> Session:
         """Return a reset session, valid until the next call.
 
-        A session with cameras is always new, because they differ from take to take.
+        A session with cameras is always new, because cameras differ from take to take.
         """
         if rig is not None:
             return Session(subject, database, rig, settings)

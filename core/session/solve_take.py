@@ -26,8 +26,8 @@ from .session import Session
 from .solved_take import SolvedTake
 from .steady_motion import motion_of, pose_clock, steady_motion
 
-_LIVE_SHARE = 0.7  # share of the progress of `solve_frames` for the live labels
-_LABELS_SHARE = 0.25  # share of the whole progress for labels, before the solution in both directions
+_LIVE_SHARE = 0.7  # share of the progress of `solve_frames` reserved for the live solve
+_LABELS_SHARE = 0.25  # share of the whole progress reserved for labels, before the solve in both directions
 _REPORT_EVERY = 30  # frames between two reports of progress
 
 
@@ -43,7 +43,8 @@ def solve_take(
     """Solve a labelled take, including markers seen by single cameras.
 
     Args:
-        causal: Solve each pose from earlier frames only, as when live, instead of in both directions (`two_way_solve`).
+        causal: Solve each pose from earlier frames only, as in a live capture, instead of in both directions of time
+            (`two_way_solve`).
     """
     setup = CaptureSetup(take.single.rig if take.single else None, (subject,), (), database, settings)
     frames = list(take_frames(take, subject.marker_set))
@@ -57,10 +58,10 @@ def solve_take(
 def fill_take(
     take: MarkerTake, subject: Subject, database: Database, noise_hz: float | None, progress: Progress
 ) -> tuple[MarkerTake, SolvedTake]:
-    """Return a labelled take with its gaps filled using the solved body, and that solve.
+    """Return a labelled take with its gaps filled by means of the solved body, and the solved take.
 
     Args:
-        noise_hz: Cut-off for filtering the measured markers using the solved body; None for no filter.
+        noise_hz: Cut-off for filtering the measured markers (see `smooth_on_body`); None for no filter.
     """
 
     def solved_body(seen: MarkerTake) -> tuple[SolvedTake, Motion]:
@@ -83,11 +84,11 @@ def solve_recorded(
     sessions: SessionMaker = Session,
     causal: bool = False,
 ) -> SolvedTake:
-    """Solve a recorded take; its motions leave out the countdown.
+    """Solve a recorded take; its motions begin after the countdown.
 
     Args:
-        frames: Its marker frames, or others made from its 2D detections.
-        causal: Find labels and poses from earlier frames only, as when live.
+        frames: Marker frames of the take, or others made from its 2D detections.
+        causal: Find labels and poses from earlier frames only, as in a live capture.
 
     Raises:
         TakeError: There are no two frames with different times.
@@ -112,7 +113,7 @@ def _solve_whole(
     causal: bool,
     check_labels: bool = True,
 ) -> SolvedTake:
-    """Return the poses of all frames, in both directions unless `causal`: then as a capture shows them."""
+    """Return the poses of all frames, solved in both directions of time or, if `causal`, as a capture shows them."""
     if causal:
         live = solve_frames(frames, session, activity, progress, causal, check_labels)
         return replace(live, poses=tuple(calm_poses(live.poses)))
@@ -136,10 +137,10 @@ def solve_frames(
     causal: bool = False,
     check_labels: bool = True,
 ) -> SolvedTake:
-    """Return the poses of frames, without motions; see `Session.step` about `check_labels`.
+    """Return the poses of frames, without motions; `check_labels` as in `Session.step`.
 
-    Labels that the session finds or replaces also apply before that moment, as long as they explain the markers better;
-    if `causal`, they apply from that moment only, as when live.
+    Labels that the session finds or replaces also apply to earlier frames, as far back as they explain the markers
+    better; if `causal`, they apply from then on only, as in a live capture.
     """
     poses: list[ScenePose] = []
     seconds, begun = [], []

@@ -52,7 +52,7 @@ class SolvedTake:
         findings: Problems of the first performer's motion found in the take's markers.
         faults: Stretches of the first performer in which labels are still wrong.
         corrected: Stretches whose wrong labels were corrected or removed before the solve.
-        unused_m: Markers (F, N, 3) of a marker take that were not used.
+        unused_m: Positions (F, N, 3) of a marker take's markers that were not used.
     """
 
     poses: tuple[ScenePose, ...]
@@ -108,7 +108,8 @@ class SolvedTake:
         """Return the motions at another rate, resampled by the times of the poses; None keeps the take's rate."""
         if rate_hz is None or self.setup is None or self.clock is None:
             return tuple(motion if rate_hz is None else resampled(motion, rate_hz) for motion in self.motions)
-        # for a lower rate, motions are finished at a multiple of it, because smoothing needs about the take's own rate
+        # for a lower rate, motions are smoothed and foot-locked at a multiple of it, because this needs about the
+        # take's rate
         every = max(1, math.ceil(self.clock.fps / rate_hz)) if self.finish else 1
         poses, clock, found = self.recorded_poses(), self.clock.at(every * rate_hz), []
         for index, subject in enumerate(self.setup.performers):
@@ -121,11 +122,11 @@ class SolvedTake:
         return [pose.performers[performer] for pose in self.poses]
 
     def recorded_poses(self) -> list[ScenePose]:
-        """Return the poses between the countdown and the automatic end of a recording."""
+        """Return the poses between the countdown of a recording and its automatic end."""
         return [pose for pose in self.poses if self.recording is None or self.recording.is_recorded(pose.number)]
 
     def summary(self) -> dict[str, float | int]:
-        """Return the `solve` command's figures; errors and confidence are the first performer's."""
+        """Return figures for the `solve` command's output; errors and confidence are the first performer's."""
         first = self.poses_of()
         rms = np.array([pose.marker_rms_m for pose in first])
         return {
@@ -137,9 +138,9 @@ class SolvedTake:
         }
 
     def joint_errors_deg(self) -> dict[str, float]:
-        """Return the mean expected error of each joint except the root, {} if unknown.
+        """Return the mean expected error of each joint except the root, by name; empty if unknown.
 
-        The errors are the first performer's; 95 % of the actual errors are within twice the expected.
+        The errors are the first performer's; 95 % of the actual errors are within twice the expected ones.
         """
         known = [pose.joint_errors_deg for pose in self.poses_of() if len(pose.joint_errors_deg)]
         return dict(zip(JOINT_NAMES[1:], np.mean(known, axis=0).tolist(), strict=True)) if known else {}
@@ -160,11 +161,11 @@ class SolvedTake:
             path: Motion (`.bvh`, `.angles.csv`, `.vrma`) or recorded take (`.perftake`); an existing file is replaced.
             units: Unit of lengths in BVH files, "m" or "cm".
             naming: Names of the joints in BVH and CSV files, one of `NAMINGS`.
-            rate_hz: Frames per second of the motion; None for the take's own rate.
-            capture: Origin of the markers, stored in a recorded take made from a marker take.
+            rate_hz: Frames per second of the written motion; None for the take's own rate.
+            capture: Origin of the markers, which is stored in a recorded take made from a marker take.
 
         Raises:
-            FormatError: The extension is not supported, the path cannot be written, or it is the take itself.
+            FormatError: The extension is not supported, or the path cannot be written or is that of the take itself.
         """
         if is_recorded(path):
             self._save_take(path, capture or {})
@@ -176,7 +177,7 @@ class SolvedTake:
             write_prop_csv(self.recorded_poses(), index, prop.name, out)
 
     def motion_paths(self, path: Path | str) -> list[Path]:
-        """Return the motion file of each performer: `path`, then files named after the other performers."""
+        """Return the path of each performer's motion: `path`, then paths that contain the other performers' names."""
         first = Path(path)
         ending = next((ending for ending in MOTION_ENDINGS if first.name.lower().endswith(ending)), first.suffix)
         stem = first.name[: len(first.name) - len(ending)]
@@ -217,5 +218,5 @@ class SolvedTake:
 
 
 def _plain(name: str) -> str:
-    """Return a name reduced to letters, digits, - and _."""
+    """Return a name in which only letters, digits, - and _ are kept."""
     return "".join(c if c.isalnum() or c in "-_" else "-" for c in name)

@@ -36,9 +36,9 @@ def steady_motion(poses: Sequence[PerformerPose], subject: Subject, name: str, c
 
 
 def motion_of(poses: Sequence[PerformerPose], subject: Subject, name: str, fps: float) -> Motion:
-    """Return a motion with one frame per pose.
+    """Return a motion that has one frame per pose.
 
-    The times are ignored: the poses must be evenly spaced, or the motion compared frame by frame.
+    Times are ignored, so use it for evenly spaced poses, or for comparisons frame by frame.
     """
     return Motion(name, fps, subject.skeleton, *_arrays(poses))
 

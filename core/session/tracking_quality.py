@@ -20,9 +20,9 @@ class TrackingSettings:
     explained_m: float = 0.03  # distance between solved and observed markers at which the confidence has fallen to 1/e
     familiar_m: float = 0.15  # distance to the closest example at which the confidence has fallen to 1/e
     wrong_m: float = 0.10  # distance between solved and observed markers above which labels or pose are wrong
-    # multiples of the source's lasting errors (RMS length) that are added in quadrature to explained_m and wrong_m
+    # multiples of the RMS length of the source's lasting errors that are added in quadrature to explained_m and wrong_m
     lasting: tuple[float, float] = (3.5, 8.0)
-    wrong_for_s: float = 0.5  # time with wrong markers after which labelling restarts
+    wrong_for_s: float = 0.5  # time with such distances after which labelling restarts
     lost_for_s: float = 1.0  # time with too few torso markers after which labelling restarts
     torso_markers: int = 2  # fewest torso markers of a tracked body
 
@@ -42,7 +42,7 @@ def tracking_of(source: SourceNoise) -> TrackingSettings:
 
 @dataclass(frozen=True)
 class Fit:
-    """Agreement of a solution with its observation."""
+    """How well a solution agrees with its observation."""
 
     located: Mask  # (M,) located markers
     rms_m: float  # RMS distance between located and solved markers; NaN if none was located
@@ -50,7 +50,7 @@ class Fit:
 
 
 def assess_fit(observation: Observation, solution: Solution, settings: TrackingSettings = SETTINGS) -> Fit:
-    """Return the agreement of a solution with the located markers of an observation."""
+    """Return how well a solution agrees with the located markers of an observation."""
     located = observation.located
     away_m = solution.markers_m[located] - observation.points_m[located]
     rms_m = math.sqrt(float(np.vdot(away_m, away_m)) / len(away_m)) if len(away_m) else math.nan
@@ -68,7 +68,7 @@ class _Lapse:
         self._since_s: float | None = None
 
     def update(self, now_s: float, holds: bool) -> float:
-        """Return for how long the condition has not held; initially it counts as held."""
+        """Return for how long the condition has not held; before the first update it is assumed to hold."""
         if holds or self._since_s is None:
             self._since_s = now_s
         return now_s - self._since_s
@@ -78,7 +78,7 @@ class TrackingQuality:
     """Decides when a tracked body is lost.
 
     Args:
-        one_camera: Count markers on the camera's rays as seen.
+        one_camera: There is only one camera, so markers on its rays count as seen.
     """
 
     def __init__(self, torso: Mask, one_camera: bool, settings: TrackingSettings = SETTINGS) -> None:
@@ -91,7 +91,7 @@ class TrackingQuality:
         self._unseen, self._wrong = _Lapse(), _Lapse()
 
     def reason_lost(self, pose: PerformerPose) -> NoteKind | None:
-        """Return why the body is lost: the torso was hidden or the pose wrong for too long; None if it is not lost."""
+        """Return why the body is lost, or None: its torso was hidden, or its pose was wrong, for too long."""
         settings, now_s = self.settings, pose.time_s
         seen = np.isfinite(pose.observed_m[:, 0])
         if self._one_camera:

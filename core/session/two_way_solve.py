@@ -1,9 +1,10 @@
 """Solving recorded takes in both directions of time.
 
 Live, a pose depends on earlier frames only. A recorded take is also solved backwards, with the database's motion
-reversed in time. The two solutions have different errors, so they are averaged, with each part of the body weighted by
-its expected errors, and low-pass filtered: this gives the trajectory of whatever no marker shows. The pose is then
-fitted again to the smoothed markers, with gaps filled by that trajectory, and the remaining jitter is filtered out.
+reversed in time. The errors of the two solutions differ, so the solutions are averaged, with each part of the body
+weighted by its expected errors, and low-pass filtered. This determines whatever the markers do not. The poses are then
+fitted again to the smoothed markers, whose gaps are filled by means of that average, and the remaining jitter is
+filtered out.
 """
 
 import math
@@ -35,19 +36,19 @@ from ..solver.pose_solver import PoseSolver
 from ..solver.subject_model import RootPose
 from .part_errors import PartErrors
 
-_SHORTEST = 12  # shortest stretch that is solved again, frames
+_SHORTEST = 12  # length of the shortest stretch that is solved again, frames
 _PAUSE_S = 0.25  # time without a pose after which a new motion begins
-_CUT_M_S = 9.0  # median speed of the markers above which a new motion begins: bodies are slower
-_WEIGHT_POWER = 4.0  # a trajectory's weight falls with this power of its expected error
-_WEIGHT_S = 0.25  # standard deviation of the time window in which these errors are averaged
+_CUT_M_S = 9.0  # median speed of the markers above which there is a cut: bodies are slower
+_WEIGHT_POWER = 4.0  # power of the expected error by which a trajectory's weight is divided
+_WEIGHT_S = 0.25  # standard deviation of the Gaussian window in which these errors are averaged
 _UNKNOWN_DEG = 90.0  # error assumed for parts whose error is unknown
-_SMOOTH_HZ = 8.0  # cut-off for the trajectory of whatever no marker shows
-# Highest cut-off for the fitted poses, which follow the remaining marker noise, as a share of the frame rate.
+_SMOOTH_HZ = 8.0  # cut-off for the averaged trajectories
+# Highest cut-off for the fitted poses, which still contain marker noise, as a share of the frame rate.
 _CALM_SHARE = 0.27
 _CALM_STEP_HZ = 0.25  # step between the cut-offs that are tried
 _REPORT_EVERY = 30  # frames between two reports of progress
-_TOGETHER = 128  # frames for which priors or fits are computed at once
-_TORSO = list(PARTS).index("torso")  # part that contains the root
+_TOGETHER = 128  # number of frames for which priors or fits are computed at once
+_TORSO = list(PARTS).index("torso")  # index of the part that contains the root
 
 
 @dataclass(frozen=True)
@@ -61,7 +62,7 @@ class _Trajectory:
 
 
 class TwoWaySolver:
-    """Solves recorded stretches of one performer in both directions.
+    """Solves recorded stretches of one performer in both directions of time.
 
     Args:
         solver: Solver of the live poses, with the method "best".
@@ -74,7 +75,7 @@ class TwoWaySolver:
         self._source = noise_of(solver.subject.subject.marker_set.points)
 
     def solve(self, poses: Sequence[PerformerPose], progress: Callable[[float], None]) -> list[PerformerPose]:
-        """Return a performer's poses solved again; those not solved again are unchanged."""
+        """Return a performer's poses, solved again in all stretches that are long enough; others are unchanged."""
         result = list(poses)
         for start, stop in _stretches(poses):
             share, done = (stop - start) / len(poses), start / len(poses)
@@ -89,7 +90,7 @@ class TwoWaySolver:
         return self._calm(self._fitted(poses, trajectory, clock, observations), clock)
 
     def _observation(self, pose: PerformerPose) -> Observation:
-        """Return the markers of a pose, or none if they do not fit the body."""
+        """Return the markers of a pose as an observation, which is empty if they do not fit the body."""
         if _has_note(pose, NoteKind.HELD):
             return Observation.of_points(np.full(pose.observed_m.shape, np.nan))
         return Observation(pose.observed_m, pose.single_cameras, pose.single_points, self._cameras)
@@ -97,7 +98,7 @@ class TwoWaySolver:
     def _fitted(
         self, poses: Sequence[PerformerPose], trajectory: _Trajectory, clock: Clock, observations: Sequence[Observation]
     ) -> list[PerformerPose]:
-        """Return the trajectory fitted to the markers, after it has filled their gaps."""
+        """Return poses fitted to the markers, starting from the trajectory, which also fills the markers' gaps."""
         model = self._solver.subject
         motion = self._low_passed(trajectory.rotations, trajectory.root_positions_m, clock, _SMOOTH_HZ)
         marker_set = model.subject.marker_set
@@ -133,9 +134,9 @@ class TwoWaySolver:
         return fitted
 
     def _calm(self, poses: list[PerformerPose], clock: Clock) -> list[PerformerPose]:
-        """Return the poses of a stretch without jitter faster than this body moves.
+        """Return the poses of a stretch without jitter that is faster than this body's motion.
 
-        The cut-off is lowered as long as this moves no joint by more than the source's lasting errors hide.
+        The cut-off is lowered as long as no joint moves by more than could be told from the source's lasting errors.
         """
         rotations, roots_m = (
             np.array([getattr(pose, of) for pose in poses]) for of in ("rotations", "root_position_m")
@@ -181,7 +182,7 @@ def _root_mean(squares: Array, unknown: float) -> float:
 def _smoothed(
     poses: Sequence[PerformerPose], observations: Sequence[Observation], source: SourceNoise
 ) -> list[Observation]:
-    """Return observations with smoothed markers."""
+    """Return the observations with markers smoothed in both directions of time."""
     times_s = np.array([pose.time_s for pose in poses])
     points_m, noise_m = smooth_markers(
         times_s, np.array([observation.points_m for observation in observations]), source
@@ -201,7 +202,7 @@ def _stretches(poses: Sequence[PerformerPose]) -> list[tuple[int, int]]:
 
 
 def _started(poses: Sequence[PerformerPose]) -> list[PerformerPose]:
-    """Return the poses, with the first solved pose instead of the T pose in the frames before it."""
+    """Return the poses with the first solved one also in the frames before it, instead of the T pose."""
     first = next((index for index, pose in enumerate(poses) if _is_solved(pose)), 0)
     started = list(poses)
     for index in range(first):
@@ -235,11 +236,11 @@ def _backward_trajectory(
     observations: Sequence[Observation],
     progress: Callable[[float], None],
 ) -> _Trajectory:
-    """Return a stretch solved from its end; errors are infinite where it is not solved.
+    """Return a stretch solved backwards from its end; errors are infinite where it could not be solved.
 
     Args:
         solver: Solver for the time-reversed take.
-        poses: Live poses; they show where the last markers are and replace missing poses.
+        poses: Live poses, which give the starting position and replace poses that are not solved.
     """
     live, part_errors = _live_trajectory(poses), PartErrors(solver.subject)
     unsolved = (np.full_like(errors, np.inf) for errors in (live.errors_deg, live.joint_errors_deg))
@@ -247,12 +248,12 @@ def _backward_trajectory(
     state = replace(solver.initial_state, markers_m=poses[-1].markers_m)
     seen = [(observation, pose.markers_m) for observation, pose in zip(observations, poses, strict=True)]
     times_s = np.array([pose.time_s for pose in poses])
-    learned: list[PriorEstimate | None] = []  # learned priors of the next frames, the next one last
+    learned: list[PriorEstimate | None] = []  # learned priors of the frames to come, the next frame's last
     for done, index in enumerate(reversed(range(len(poses)))):
         if done % _REPORT_EVERY == 0:
             progress(done / len(poses))
         if not learned:
-            # the network was trained on forward motion
+            # priors are computed forwards in time, because the network was trained on forward motion
             first, stop = max(index + 1 - _TOGETHER, 0), index + 1
             earliest = int(np.searchsorted(times_s, times_s[first] - 2.0 * solver.best.longest_s))
             learned = solver.best.learned_priors(seen[earliest:stop], times_s[earliest:stop])[first - earliest :]
@@ -270,12 +271,12 @@ def _backward_trajectory(
 
 
 def _known(errors_deg: Array, count: int) -> Array:
-    """Return `count` expected errors, large ones if they are unknown."""
+    """Return expected errors (count,); large ones if they are unknown."""
     return errors_deg if len(errors_deg) else np.full(count, _UNKNOWN_DEG)
 
 
 def _blended(trajectories: Sequence[_Trajectory], fps: float) -> _Trajectory:
-    """Return the mean of trajectories, with parts weighted by their expected errors."""
+    """Return the mean of trajectories; the weight of each part depends on its expected error."""
     errors = np.array([trajectory.errors_deg for trajectory in trajectories])
     lasting = gaussian_filter1d(np.minimum(errors, _UNKNOWN_DEG), _WEIGHT_S * fps, axis=1, mode="nearest")
     weights = np.where(np.isfinite(errors), lasting, np.inf) ** -_WEIGHT_POWER

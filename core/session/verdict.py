@@ -27,21 +27,21 @@ _LONG_BONES = {"femur": "thigh", "tibia": "shank", "humerus": "upper arm", "radi
 
 @dataclass(frozen=True)
 class VerdictSettings:
-    """Limits of a good motion, in addition to `PostureSettings`; all CMU and Bandai takes meet them."""
+    """Limits that a good motion meets, in addition to `PostureSettings`, as all CMU and Bandai takes do."""
 
     unsolved: float = 0.2  # largest share of frames without a solved pose
-    wrong_m: float = 0.1  # median distance of markers from the body over the take above which no body was found
+    wrong_m: float = 0.1  # median distance of markers from the body, over the take, above which no body was found
     limb_m: float = 0.08  # the same for the markers of one limb: a hand's width
-    measured_share: float = 0.5  # share of both limits that holds for measured bodies: their markers are within 20 mm
-    noise_sigmas: float = 3.0  # number of standard deviations of the source's lasting errors added to all three limits
+    measured_share: float = 0.5  # factor of both limits for measured bodies, whose markers are within 20 mm
+    noise_sigmas: float = 3.0  # multiple of the source's lasting errors that is added to all three distance limits
     stretch_m: float = 0.12  # median distance of a limb's markers in one frame above which the frame is doubtful
     stretch_s: float = 0.2  # shortest doubtful stretch
-    bone_factor: float = 2.0  # largest ratio of a bone's length to what the rest suggests, or its inverse
-    hover_m: float = 0.3  # largest height of the lower foot's joint above the floor
-    hover_share: float = 0.1  # smallest share of the frames in which it must be below that height
+    bone_factor: float = 2.0  # largest ratio of a bone's length to that expected from the other bones, or its inverse
+    hover_m: float = 0.3  # height of the lower foot's joint above the floor below which the body is on the floor
+    hover_share: float = 0.1  # smallest share of the frames in which the body must be on the floor
     sink_m: float = 0.15  # largest depth of the lower foot's joint below the floor, median over the frames
     duration_s: float = 0.02  # largest difference from the source's duration
-    duration_share: float = 0.01  # the same as a share of the duration
+    duration_share: float = 0.01  # the same, as a share of the duration
 
 
 class ReasonKind(Enum):
@@ -53,14 +53,14 @@ class ReasonKind(Enum):
     UPRIGHT = auto()
     FLOOR = auto()
     LABELS = auto()  # the labels were guessed
-    LIMB = auto()  # a limb is away from its markers
+    LIMB = auto()  # a limb is far from its markers
     DURATION = auto()
     STRETCH = auto()  # part of the take is doubtful
 
 
 @dataclass(frozen=True)
 class Reason:
-    """Problem of a motion, with a sentence for people."""
+    """Problem of a motion, with a sentence about it."""
 
     kind: ReasonKind
     text: str
@@ -73,7 +73,7 @@ class TakeVerdict:
     Args:
         reasons: Why the motion is not good, most serious first; empty for a good one.
         limbs: Coverage of the parts that carry markers, or should.
-        stretches: Where the motion is doubtful, in order of time.
+        stretches: Stretches in which the motion is doubtful, in order of time.
     """
 
     reasons: tuple[Reason, ...]
@@ -139,7 +139,7 @@ def judge(
     found = [*reasons, *_fit_reasons(poses, distances_m, fitted_m, limbs, limits)]
     found += _size_reasons(motion.skeleton)
     shown = {limb.limb for limb in limbs}
-    # guessed legs say nothing about the floor
+    # legs without markers are guessed, so they say nothing about the floor
     found += _posture_reasons(motion, has_floor and (marker_set is None or bool(shown & set(_LEGS))))
     found += _duration_reasons(motion, duration_s)
     found += [Reason(ReasonKind.STRETCH, _stretch_text(stretch)) for stretch in doubtful[:1]]
@@ -152,7 +152,7 @@ def is_unsolved(poses: Sequence[PerformerPose]) -> Mask:
 
 
 class _Limits(NamedTuple):
-    """Limits of distances between located and solved markers, as in `VerdictSettings`."""
+    """Limits for distances between located and solved markers, as in `VerdictSettings`."""
 
     wrong_m: float
     limb_m: float
@@ -177,7 +177,7 @@ def _marker_distances(poses: Sequence[PerformerPose]) -> Array:
 def _far_stretches(
     distances_m: Array, parts: dict[str, list[int]], poses: Sequence[PerformerPose], most_m: float
 ) -> list[DoubtfulStretch]:
-    """Return the stretches in which a part of the body is away from its markers."""
+    """Return the stretches in which a part of the body is far from its markers."""
     times_s = np.array([pose.time_s for pose in poses]) - poses[0].time_s
     found = []
     for part, markers in parts.items():
@@ -207,7 +207,7 @@ def _fit_reasons(
     """Return the problems with the fit of the body to the markers.
 
     Args:
-        fitted_m: RMS distance of the markers from the body when its bones were measured; 0 if they were not.
+        fitted_m: RMS distance of the markers from the body when its bones were measured; 0 if they were not measured.
     """
     unsolved = float(np.mean(is_unsolved(poses)))
     if unsolved == 1.0:

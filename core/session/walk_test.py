@@ -9,8 +9,8 @@ from ..body.scene_pose import PerformerPose
 from ..geometry.arrays import Array
 from ..markers.marker_noise import marker_noise
 
-SHORTEST_S = 5.0  # enough for steps with both legs and swings of both arms
-# Limits beyond which a figure needs improvement. The simulated studio reaches 0, 60, 0.05, 0.0001, 0.001, 0.92.
+SHORTEST_S = 5.0  # long enough for steps with both legs and swings of both arms, s
+# Limits beyond which a figure needs to be improved. The simulated studio reaches 0, 60, 0.05, 0.0001, 0.001, 0.92.
 _LOST, _FPS, _HIDDEN, _NOISE_M, _RMS_M, _CONFIDENCE = 0.05, 25.0, 0.25, 0.003, 0.03, 0.7
 _HIDDEN_ON_AVERAGE = 0.1
 _POOR = 2.0  # multiple of a limit above which the verdict is poor
@@ -18,7 +18,7 @@ _POOR = 2.0  # multiple of a limit above which the verdict is poor
 
 @dataclass(frozen=True)
 class WalkFigures:
-    """Figures of a walk."""
+    """Figures of a test walk."""
 
     lost: float  # share of the frames that did not arrive
     fps: float  # rate of the frames that arrived, frames per second
@@ -57,7 +57,7 @@ def judge_walk(figures: WalkFigures, marker_texts: Sequence[str]) -> str:
     """Return a sentence that says how good captures will be, with the most useful advice."""
     severity, advice = max(_problems(figures, marker_texts))
     unfamiliarity = (1.0 - figures.confidence) / (1.0 - _CONFIDENCE)
-    if severity < 1.0 <= unfamiliarity:  # all markers are seen well, so the motion is the cause
+    if severity < 1.0 <= unfamiliarity:  # the markers are fine, so the motion is the cause
         advice = "the motion is unlike the database: add motion like yours"
     severity = max(severity, unfamiliarity)
     verdict = "good" if severity < 1.0 else "usable" if severity < _POOR else "poor"
@@ -67,7 +67,7 @@ def judge_walk(figures: WalkFigures, marker_texts: Sequence[str]) -> str:
 
 
 def _problems(figures: WalkFigures, marker_texts: Sequence[str]) -> list[tuple[float, str]]:
-    """Return each figure relative to its limit, with the corresponding advice."""
+    """Return how bad each figure is relative to its limit, 1 at the limit, with advice on it."""
     worst = int(np.argmax(figures.hidden))
     most, usual = float(figures.hidden[worst]), float(figures.hidden.mean())
     noise_m, rms_m = figures.noise_m, 1.0 if np.isnan(figures.rms_m) else figures.rms_m
