@@ -79,7 +79,8 @@ def forget() -> None:
 def cut_off() -> list[TakeSummary]:
     """Return the takes to offer for recovery, newest first.
 
-    These are takes whose worker died, which have no end mark, and takes that outlived Blender and are not used yet.
+    These are takes whose worker died, which have no end mark, and takes that were completed after Blender had ended
+    and have not been put on a character yet.
     """
     return [take for take in listed() if not take.complete or (take.orphaned and not take.notes.played)]
 

@@ -62,7 +62,7 @@ def _build(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
 
 
 def _get(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
-    _check_build_options(args)  # before hours of work
+    _check_build_options(args)  # fail before hours of work
     if args.collection is None:
         if args.out is not None:
             raise SettingsError("--out needs a collection", advice=f"give one of {', '.join(public_collections())}")

@@ -109,7 +109,7 @@ def check_upright(score: float) -> None:
 
 
 def cosine(a: Array, b: Array) -> float:
-    """Return the cosine of the angle between two vectors, 0 if one is zero."""
+    """Return the cosine of the angle between two vectors; 0 if one of them is zero."""
     size = float(np.linalg.norm(a) * np.linalg.norm(b))
     return float(a @ b) / size if size > 0.0 else 0.0
 

@@ -118,7 +118,7 @@ def held_foot(foot: Foot, share: Array, floor_m: float | None, fps: float) -> He
         added[inside] = np.hstack((ankles - foot.wanted_ankle_m[inside], places[inside] - foot.wanted_toes_m[inside]))
         known[inside] = True
     if known.any():
-        # the corrections by contacts are interpolated between them
+        # between contacts and keys, the corrections are interpolated
         added = curve_positions(np.flatnonzero(known).astype(np.float64), added[known], np.arange(float(len(share))))
     ankle_m, toes_m = foot.wanted_ankle_m + added[:, :3], foot.wanted_toes_m + added[:, 3:]
     up_m = lift_of(toes_m, places, foot.keyed, fps)[:, None] * np.array([0.0, 1.0, 0.0])

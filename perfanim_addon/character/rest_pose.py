@@ -19,7 +19,7 @@ from .armature_reading import LIMITS, own_scale
 
 @dataclass(frozen=True)
 class PlacementLimits:
-    """Limits that tell a placement by the topmost bone from a leftover of an animation."""
+    """Limits that distinguish a placement by the topmost bone from a pose left by an animation."""
 
     still_rad: float = 0.02  # rotation up to which a bone counts as at rest
     step: float = 0.5  # least vertical shift of the topmost bone, share of the body's extent; a crouch shifts it less

@@ -18,7 +18,7 @@ _KINDS = ("takes", "databases", *_PROFILES, "props", "collections")
 
 
 def user_folder(*parts: str) -> Path:
-    """Return a folder for the user's data, created if needed; the first part is a kind of data.
+    """Return a folder for the user's data, created if needed; its first part names the kind of data.
 
     If the folder chosen in the preferences cannot be used, the add-on's own is returned; `folder_problem` says why.
     """

@@ -43,7 +43,7 @@ def command_line(take: str, database: str, result: Path) -> list[str]:
 
 
 def path_beside(old: Path) -> Path:
-    """Return an unused file next to a performer's for the refined one."""
+    """Return an unused file for the refined performer, beside the performer's own."""
     return unused_path(old.parent, old.name.removesuffix(ENDING).partition(_ADDED)[0] + _ADDED, ENDING)
 
 

@@ -110,7 +110,7 @@ def _import_one(
     database: Database,
     progress: Progress,
 ) -> dict[str, Any]:
-    """Write one take and return its facts; without a subject, its labels determine the marker set."""
+    """Import one take and return facts about it; without a subject, the take's labels determine the marker set."""
     progress(0.0, f"reading {path.name}")
     if is_recorded(path):
         return _copy_recorded(path, Path(args.out))
