@@ -22,12 +22,8 @@ from .displayed_joint_names import NAMINGS
 from .file_joints import match_joints
 from .file_rest_pose import align_rest
 
-_SIZED = (
-    "ltibia",
-    "rtibia",
-    "lradius",
-    "rradius",
-)  # their offsets, thighs and upper arms, give the body's size: all files have them
+# their offsets are the thighs and upper arms, which all files have: they give the body's size
+_SIZED = ("ltibia", "rtibia", "lradius", "rradius")
 _Y_UP_FROM_Z_UP = rot.from_rotation_vector(np.array([-0.5 * np.pi, 0.0, 0.0]))
 
 
