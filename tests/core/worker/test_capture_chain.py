@@ -15,7 +15,7 @@ import pytest
 from motion_synthesis import perform
 from perfanim.core.body.standard_skeleton import default_skeleton
 from perfanim.core.database.build_database import BuildSettings, build_database
-from perfanim.core.errors import CaptureError
+from perfanim.core.errors import CaptureError, SettingsError
 from perfanim.core.formats.motion.bvh import write_bvh
 from perfanim.core.formats.take_file.pose_codec import pack_solved
 from perfanim.core.formats.take_file.take_reader import read_take_file, summarise
@@ -28,6 +28,7 @@ from perfanim.core.session.pose_filters import FilterSettings
 from perfanim.core.simulate.studio.simulated_source import open_simulated
 from perfanim.core.worker.client import WorkerClient
 from perfanim.core.worker.protocol import Message, MessageKind
+from perfanim.core.worker.requests import read_request
 from perfanim.core.worker.restart_point import RestartPoint
 from props import held_poses
 from soak.processes import children, is_running
@@ -208,7 +209,6 @@ def test_bad_requests_are_errors_in_plain_words(request_files: dict[str, Any], t
     missing = str(tmp_path / "none.pfdb")
     bad = {
         "none.pfdb": {**request(request_files), "database": missing},
-        "unknown setting": request(request_files, speed=3),
         "unknown behaviour": request(request_files, behaviour="flying"),
     }
     for expected, asked in bad.items():
@@ -218,6 +218,8 @@ def test_bad_requests_are_errors_in_plain_words(request_files: dict[str, Any], t
         finally:
             client.close()
         assert expected in str(error.error())
+    with pytest.raises(SettingsError, match="unknown setting"):
+        read_request("capture", request(request_files, speed=3))
 
 
 def wait_until_gone(process_ids: list[int]) -> None:
