@@ -139,7 +139,7 @@ class Database:
 
 
 def same_bones(offsets_m: Array, others_m: Array, most_m: float = 2e-4) -> bool:
-    """Return whether the joint offsets (J, 3) of two skeletons differ by rounding only, less than `most_m`."""
+    """Return whether the joint offsets (J, 3) of two skeletons differ only by rounding, by less than `most_m`."""
     return offsets_m.shape == others_m.shape and float(np.max(np.abs(offsets_m - others_m))) < most_m
 
 
@@ -158,7 +158,9 @@ def pose_from_rotations(rotations: Any, mean_rotations: Array) -> Array:
     rows = np.ascontiguousarray(np.moveaxis(local.reshape(-1, *local.shape[-2:]), 0, -1))  # shape (J - 1, 4, F)
     turned = rot.left_matrices(rot.conjugate(mean_rotations[1:])) @ rows
     w, vectors = turned[:, 0], turned[:, 1:]
-    sines = np.maximum(np.sqrt(vectors[:, 0] ** 2 + vectors[:, 1] ** 2 + vectors[:, 2] ** 2), 1e-150)  # safe divisor
+    sines = np.maximum(
+        np.sqrt(vectors[:, 0] ** 2 + vectors[:, 1] ** 2 + vectors[:, 2] ** 2), 1e-150
+    )  # avoids a division by zero
     vectors *= np.copysign(2.0 * np.arctan2(sines, np.abs(w)) / sines, w)[:, None]
     return np.moveaxis(vectors, -1, 0).reshape(*local.shape[:-1], 3)
 
@@ -234,7 +236,7 @@ def _write_file(stream: BinaryIO, facts: dict[str, Any], arrays: Mapping[str, ND
 
 
 def open_database(path: str | Path) -> Database:
-    """Return a file's database, with memory-mapped arrays; DatabaseError if the file is not a database or truncated."""
+    """Return a file's database, with memory-mapped arrays; DatabaseError if the file is truncated or no database."""
     path = Path(path)
     with open_foreign(path, DatabaseError) as stream, reading(path, DatabaseError, REBUILD):
         header, arrays = _map_arrays(path, stream)

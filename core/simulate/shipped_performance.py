@@ -114,5 +114,5 @@ def _lasting(motion: Motion, start: int, seconds: float) -> Motion:
 
 
 def _sole_depth_m(skeleton: Skeleton) -> float:
-    """Return the depth of the lowest joint below the root in the rest pose."""
+    """Return the height of the root above the lowest joint in the rest pose."""
     return float(-skeleton.rest_positions_m[:, 1].min())

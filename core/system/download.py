@@ -70,8 +70,8 @@ def check_address(url: str) -> None:
 def download(url: str, target: Path, progress: Progress, settings: DownloadSettings = SETTINGS) -> Path:
     """Download a file; return `target`.
 
-    Received data is kept next to `target` (`.NAME.part`) until the file is complete. The next call resumes there if
-    the server still has the same file.
+    Received data is kept next to `target` (`.NAME.part`) until the file is complete. The next call continues that file
+    if the server's file has not changed.
 
     Raises:
         DownloadError: The address is invalid or not found, the connection keeps failing, or the file is too large.

@@ -6,7 +6,7 @@ from ..errors import FormatError, PerfanimError, shorten
 
 _HEAD = 4096  # bytes needed to recognise a file
 _ASF_GUID = bytes.fromhex("3026b2758e66cf11a6d900aa0062ce6c")
-# first bytes of a format, from its standard -> its name
+# first bytes of files, from each format's standard -> name of the format
 _BEGINNINGS: tuple[tuple[bytes, str], ...] = (
     (_ASF_GUID, "a video (Windows Media)"),
     (b"\x1aE\xdf\xa3", "a video (Matroska or WebM)"),

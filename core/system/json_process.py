@@ -40,7 +40,7 @@ class JsonProcess:
         return answer.decode("utf-8")
 
     def read(self, count: int) -> bytearray:
-        """Return bytes that follow an answer."""
+        """Return the `count` bytes that follow an answer."""
         data = bytearray(count)
         if self._output.readinto(data) != count:
             raise BrokenPipeError

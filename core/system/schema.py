@@ -227,7 +227,7 @@ class Key:
         return kinds[kind]
 
     def _single(self, value: Any) -> Any:
-        """Return a string, a boolean or a number."""
+        """Return a valid string, boolean or number."""
         about = self.about
         for kind in self.holds:
             if kind is str or _members(kind):

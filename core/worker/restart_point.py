@@ -45,7 +45,7 @@ class RestartPoint:
         return RestartPoint(last[0], last[1], stamp_s, period_s)
 
     def moved_to(self, stamp_s: float, frame: MarkerFrame) -> "RestartPoint":
-        """Return the same point for another last frame."""
+        """Return the restart point with another last frame and the same period."""
         return replace(self, number=frame.number, time_s=frame.time_s, stamp_s=stamp_s)
 
     def offset(self, stamp_s: float, frame: MarkerFrame) -> FrameOffset:

@@ -9,7 +9,7 @@ class WorkerSettings:
 
     # processes and their connection
     heartbeat_s: float = 0.5  # interval between two signs of life
-    retry_s: float = 0.1  # interval between two attempts
+    retry_s: float = 0.1  # pause before something that was not ready is tried again
     idle_s: float = 0.02  # pause of a loop that has nothing to do
     grace_s: float = 3.0  # time for a job to end by itself after Blender has gone
     freed_s: float = 5.0  # time for a replaced process to release cameras or port

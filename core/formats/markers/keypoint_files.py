@@ -32,7 +32,7 @@ class KeypointFileSettings:
     """Assumptions about files that state neither rate nor unit."""
 
     usual_fps: float = 30.0  # frame rate of webcams and phones, Hz
-    body_share: float = 0.5  # smallest share of the points in a frame in which the body is measured
+    body_share: float = 0.5  # smallest share of points that a frame must show for its extent to count
 
 
 _S = KeypointFileSettings()

@@ -68,7 +68,7 @@ class Footer:
 
 
 def duration_s(first_s: float, last_s: float) -> float:
-    """Return the duration for the facts, or 0 if the times are damaged."""
+    """Return the duration between two times, or 0 if they are damaged."""
     passed_s = last_s - first_s
     return passed_s if math.isfinite(passed_s) and abs(passed_s) <= _LONGEST_S else 0.0
 

@@ -168,7 +168,7 @@ class TakeFile:
 def read_take_file(path: Path | str) -> TakeFile:
     """Return the intact part of a recorded take, even while it is being written.
 
-    Notes, events and end marks with invalid facts count as damaged.
+    Notes, events and end marks with invalid contents count as damaged.
 
     Raises:
         TakeError: The file is not a take, is of another version, or has no intact part.
@@ -187,7 +187,7 @@ def read_take_file(path: Path | str) -> TakeFile:
 
 
 def _fault_of_facts(chunk: Chunk, where: str) -> Fault | None:
-    """Return the fault of a chunk that has a correct checksum but invalid facts, or None."""
+    """Return the fault of a chunk that has a correct checksum but invalid contents, or None."""
     read = _OPTIONAL.get(chunk.kind)
     try:
         if read is not None:

@@ -53,5 +53,5 @@ def write_chunks(path: Path | str, chunks: Iterable[tuple[int, bytes]], facts: R
 
 
 def _chunked(kind: ChunkKind, records: Sequence[bytes], size: int = 64) -> list[tuple[ChunkKind, bytes]]:
-    """Return chunks of `size` records; one damaged byte destroys a whole chunk."""
+    """Return chunks of `size` records: not larger, because one damaged byte destroys a whole chunk."""
     return [(kind, join_records(records[start : start + size])) for start in range(0, len(records), size)]

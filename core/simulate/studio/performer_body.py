@@ -92,7 +92,7 @@ def make_body(skeleton: Skeleton) -> Body:
 
 
 def with_sticks(body: Body, joints: IntArray, offsets_m: Array) -> Body:
-    """Return the body with a stick to each marker that is more than 0.2 m off its joint's cones, such as a sword's tip.
+    """Return the body with a stick to each marker more than 0.2 m away from its joint's cones, such as a sword's tip.
 
     Args:
         joints: Joint (M,) that carries each marker.

@@ -223,7 +223,7 @@ def _views(rig: CameraRig, boxes: tuple[Box, ...]) -> tuple[RoomView, ...]:
 
 @lru_cache(maxsize=2)
 def _noise_tables(sizes: tuple[tuple[int, int], ...], sigma: float, seed: int) -> tuple[Image, Image] | None:
-    """Return noise to add and to subtract, larger than the largest image so that it can be shifted."""
+    """Return a noise image to add and one to subtract, larger than any camera's image so that they can be shifted."""
     if sigma == 0.0:
         return None
     rng = np.random.default_rng([seed, 3])

@@ -173,7 +173,7 @@ def residuals(bundle: Bundle, observation: CornerObservation) -> Array:
 
 
 def delay_s(bundle: Bundle, observation: CornerObservation) -> float:
-    """Return the delay of a picture within its moment; NaN if the board did not move."""
+    """Return the delay of a picture relative to its moment; NaN if the board did not move."""
     motion = observation.motion_px_s
     if motion is None or np.abs(motion).max() * FIT.time_sigma_s < FIT.corner_sigma_px:
         return float("nan")
@@ -190,7 +190,7 @@ def rms_by_moment(bundle: Bundle, observations: Sequence[CornerObservation]) -> 
 
 
 def rms(bundle: Bundle, observations: Sequence[CornerObservation]) -> float:
-    """Return the RMS distance in pixels over all points."""
+    """Return the RMS reprojection error in pixels over all points."""
     squares = [np.sum(residuals(bundle, observation) ** 2, axis=1) for observation in observations]
     return float(np.sqrt(np.mean(np.concatenate(squares))))
 

@@ -36,16 +36,16 @@ from .rig_fit import (
 
 @dataclass(frozen=True)
 class VerdictSettings:
-    """Limits of a good and of a usable calibration; image lengths are fractions of the image's width."""
+    """Limits for a good and for a usable calibration; image lengths are fractions of the image's width."""
 
-    good_views: int = 8  # moments in which more than one camera sees the board
+    good_views: int = 8  # fewest moments in which more than one camera sees the board
     good_rms: float = 0.5 / 640.0
     usable_rms: float = 1.2 / 640.0
-    good_coverage: float = 0.25  # share of an image in which the board has been
+    good_coverage: float = 0.25  # smallest share of an image that the board has covered
     good_coverage_in_the_middle: float = 0.5  # the same for a board that never came near any edge of the image
-    good_distance: float = 0.002  # relative standard deviation of the distances between cameras
-    good_tilt_deg: float = 15.0  # tilt of the most tilted board
-    good_delay_s: float = 0.02  # delay between cameras
+    good_distance: float = 0.002  # largest relative standard deviation of the distances between cameras
+    good_tilt_deg: float = 15.0  # smallest tilt of the most tilted board
+    good_delay_s: float = 0.02  # largest delay between cameras
     smeared: float = 4.0 / 640.0  # width above which edges are blurred
     usable_distance: float = 0.5  # above this, the distances between the cameras are unknown
     same_picture: float = 5e-4  # median difference of corners below which two pictures are copies
@@ -70,11 +70,11 @@ class CalibrationResult:
     baseline_m: float  # distance between the first two optical centres; 0 for one camera
     distance_sigma: float  # largest relative standard deviation of the distances between cameras
     views_px: Mapping[tuple[str, str], float]  # by moment and camera
-    coverage: Mapping[str, float]  # share of each camera's image in which the board has been
+    coverage: Mapping[str, float]  # share of each camera's image that the board has covered
     late_s: Mapping[str, float]  # delay of each camera relative to the first; only for videos of a moving board
     used: tuple[str, ...]  # names of the moments used
     rejected: tuple[Rejected, ...] = ()
-    verdict: str = "good"  # or "usable", "redo"
+    verdict: str = "good"  # "good", "usable" or "redo"
     advice: tuple[str, ...] = ()
 
 

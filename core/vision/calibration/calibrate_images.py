@@ -102,7 +102,7 @@ def _camera_views(
 
 
 def _check_size(shown: tuple[int, int] | None, board: Board) -> None:
-    """Raise CalibrationError if the pictures show another board: a part of it could be found, but calibrates badly."""
+    """Raise CalibrationError if the pictures show a larger board, part of which would be found but calibrate badly."""
     asked = _larger_first(board)
     if shown is not None and shown != asked:
         raise CalibrationError(

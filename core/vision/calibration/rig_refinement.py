@@ -159,7 +159,7 @@ def _depth_sigma(rig: CameraRig, found: Array, covariance: Array, observed: Arra
 
 
 def _move_cameras(rig: CameraRig, unknown: Array) -> CameraRig:
-    """Rotate all cameras except the first about their centres and move the centres, by 6 steps per camera."""
+    """Rotate all cameras but the first about their centres and shift them; `unknown` holds 6 numbers per camera."""
     first = rig.cameras[0]
     cameras: list[Camera] = [first]
     for index, (camera, step) in enumerate(zip(rig.cameras[1:], unknown.reshape(-1, 6), strict=True), start=1):

@@ -33,7 +33,7 @@ class DetectionSettings:
     least_roundness: float = 0.3  # ratio of a blob's short to its long axis; motion blur makes discs long
     relative_brightness: float = 0.35  # smallest brightness relative to a typical marker's (automatic threshold)
     relative_radius: float = 0.4  # smallest radius relative to a typical marker's, against small glints on clothing
-    dimmest: float = 0.5  # share of the last image's limit below which blobs are not even measured
+    dimmest: float = 0.5  # share of the last image's brightness limit; blobs below it are not measured
     memory: float = 0.9  # factor by which the typical brightness decays per image
     usual_markers: int = 8  # number of the brightest markers, whose median is the typical brightness
     most_blobs: int = 100  # largest number of blobs; the brightest are kept

@@ -26,7 +26,7 @@ class MeasurementSettings:
     # parts of the rim matter too much; with larger exponents, the position of the peak within a pixel does.
     exponent: float = 1.3
     lit: float = 0.5  # smallest contrast of pixels used for the hue, as a share of the largest
-    round_enough: float = 0.6  # ratio of axes above which a blob is one marker
+    round_enough: float = 0.6  # ratio of axes above which a blob is a single marker
     split_levels: tuple[float, ...] = (0.45, 0.6, 0.75)  # contrasts that may separate markers, shares of the largest
     # the same for cuts at a neck: distances to the blob's edge, as shares of the largest
     neck_levels: tuple[float, ...] = (0.65, 0.75)
@@ -127,7 +127,7 @@ def _sums_before(values: FloatArray) -> Array:
 
 
 def measure_apart(pixels: BlobPixels) -> tuple[IntArray, Array]:
-    """Return `measure` with touching markers split: a blob may yield several rows."""
+    """Return the same as `measure`, with touching markers split: a blob may yield several rows."""
     owners, table = measure(pixels)
     found = [(owners, table)]
     whole = table[:, ROUNDNESS] >= _MEASUREMENT.round_enough
@@ -176,7 +176,7 @@ def _skin_level(values: list[float], sums: list[float], start: int, stop: int) -
 
 
 def _split(pixels: BlobPixels) -> list[BlobPixels]:
-    """Return the pixels of markers that touch; none for a single marker.
+    """Return the pixels of each of several touching markers; an empty list for a single marker.
 
     A higher threshold separates the markers or, if flat discs overlap without a valley between them, a cut at the neck.
     """

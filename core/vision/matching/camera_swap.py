@@ -70,7 +70,7 @@ class CameraSwapDetector:
         return self._error_px(matcher.match(flipped, matcher.undistort(flipped), None), seen)
 
     def _error_px(self, matches: Matches, seen: int) -> float:
-        """Return the mean reprojection error of blobs, pixels; one without a partner counts as the largest error."""
+        """Return the mean reprojection error of blobs, pixels; an unmatched blob adds the largest error."""
         unmatched = seen - len(matches.points_m)
         return float(matches.errors_px.mean(axis=1).sum() + MATCHING.epipolar_px * unmatched) / seen
 

@@ -33,9 +33,9 @@ class MatchingSettings:
     drift_sigma: float = 1e-3  # standard deviation of the drift; real clocks differ by less
     block_s: float = 0.5  # time within which errors are correlated
     certain_s: float = 0.0005  # sigma below which an offset is certain; twice this is half a centimetre at 5 m/s
-    significant: float = 3.0  # smallest certain offset, in sigmas
+    significant: float = 3.0  # smallest offset that is corrected, in sigmas
     # stereo
-    epipolar_px: float = 4.0  # largest distance of a blob from the other's epipolar line
+    epipolar_px: float = 4.0  # largest distance of a blob from its partner's epipolar line
     epipolar_sigmas: float = 3.0  # the same distance in sigmas
     pixel_sigma: float = 0.5  # sigma of a blob's centre, including calibration and time errors
     nearest_m: float = 0.3  # smallest depth of a marker

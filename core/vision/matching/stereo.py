@@ -21,7 +21,7 @@ Located = tuple[Array, Array, Array]
 
 @dataclass(frozen=True)
 class Matches:
-    """Points (N, 3), covariances, blob indices (N, C) or -1, errors in pixels (N, C)."""
+    """Triangulated points (N, 3) with covariances, their blobs' indices (N, C) or -1, and errors (N, C) in pixels."""
 
     points_m: Array
     covariances_m2: Array

@@ -24,7 +24,7 @@ class _Seen:
 
 
 class TimeAligner:
-    """Alignment of each camera's blobs to the earliest moment of an image set, so that no image is delayed."""
+    """Alignment of each camera's blobs to the earliest moment of its image set, so that no later image is needed."""
 
     def __init__(self, rig: CameraRig, offsets: Sequence[TimeOffset]) -> None:
         self.offsets = tuple(offsets)

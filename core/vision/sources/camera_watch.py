@@ -86,7 +86,7 @@ class _TearWatch:
     """
 
     def __init__(self) -> None:
-        self._fresh_images = np.zeros(0, dtype=int)  # images so far in which each row differed
+        self._fresh_images = np.zeros(0, dtype=int)  # for each row, number of images in which it was new
         self._same_rows: Mask = np.zeros(0, dtype=bool)
         self._times_s: deque[float] = deque(maxlen=SOURCES.tears)
 
@@ -95,7 +95,7 @@ class _TearWatch:
         if len(same_rows) != len(self._fresh_images):
             self._fresh_images, self._same_rows = np.zeros(len(same_rows), dtype=int), same_rows
         if same_rows.all():
-            return  # the previous image again
+            return  # a repeated image is not torn
         torn = same_rows & ~self._same_rows & (self._fresh_images >= SOURCES.fresh_images)
         is_torn = any(stop - start >= SOURCES.torn_rows for start, stop in runs(torn))
         if is_torn:
@@ -123,5 +123,5 @@ def _same_rows(last: Image | None, image: Image) -> Mask:
 
 
 def _since(start_s: float | None, now_s: float, holds: bool) -> float | None:
-    """Return since when a condition has held, or None if it does not hold."""
+    """Return the time from which a condition has held, or None if it does not hold now."""
     return (now_s if start_s is None else start_s) if holds else None

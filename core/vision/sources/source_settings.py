@@ -13,7 +13,7 @@ class SourceSettings:
     poll_s: float = 0.02  # longest sleep of the reading loop
     retry_s: float = 0.01  # pause after a failed read
     gone_s: float = 0.1  # duration of failed reads after which a device is reopened
-    reopen_s: float = 0.5  # pause between attempts to reopen it
+    reopen_s: float = 0.5  # pause between attempts to reopen a device
     all_lost_s: float = 10.0  # time without any image after which the source gives up
     never_usable_s: float = 5.0  # time without a usable image from one camera after which sampling gives up
     join_s: float = 0.5  # longest wait for a camera's thread to end
@@ -34,7 +34,7 @@ class SourceSettings:
     least_step: float = 0.05  # step between two images whose stamps do not ascend, frames
     # faults; the panel shows them within a quarter of a second
     silent_s: float = 0.12  # time without an image that counts as a fault
-    silent_periods: float = 2.5  # the same in periods; the longer counts
+    silent_periods: float = 2.5  # the same in periods; the longer of the two applies
     stale_s: float = 0.1  # duration after which other faults are reported
     too_often: float = 0.6  # interval between images below which the rate is wrong, periods
     black_level: int = 24  # brightest grey level in a black image, above the noise of a covered sensor

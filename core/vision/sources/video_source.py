@@ -99,7 +99,7 @@ class VideoSource(ClosableSource):
                 self._advance(readers, [lead] if self._has_rates else current)
 
     def _image_set(self, readers: Sequence["_Reader"], current: Sequence["_Reader"], first_s: float) -> ImageSet:
-        """Return the images of the current videos, and black ones for the others."""
+        """Return an image set with the images of the `current` videos, and black ones for the others."""
         repeated = [reader.is_repeated for reader in readers]
         usable = tuple(
             # a repetition in all videos means that nothing moved
@@ -116,7 +116,7 @@ class VideoSource(ClosableSource):
         return ImageSet(min(reader.number for reader in current), times_s, images, usable=usable)
 
     def _advance(self, readers: Sequence["_Reader"], current: Sequence["_Reader"]) -> None:
-        """Read the next frame of the current videos; at the end, no reader has an image."""
+        """Read the next frames of the `current` videos; at the end of the source, remove all readers' images."""
         lead = readers[self._lead]
         before = lead.number if self._has_rates else max(reader.number for reader in readers)
         for reader in current:
