@@ -172,6 +172,23 @@ def test_short_loss_keeps_the_last_pose_with_low_confidence(subject, database, r
     assert after.confidence > 0.7
 
 
+def test_labelling_restarts_after_a_long_loss(subject, database, record, opening):
+    """The performer leaves for two seconds and stands in the T pose elsewhere, turned: still found."""
+    session = Session(subject, database)
+    for number in range(5):
+        session.step(record(opening[number], number))
+    for number in range(5, 65):
+        pose = session.step(MarkerFrame(number, number / FPS))
+    assert pose.confidence == 0.0
+    turn, shift = rot.from_rotation_vector([0.0, 0.5, 0.0]), np.array([1.5, 0.0, -1.0])
+    elsewhere = rot.rotate(turn, opening) + shift
+    for number in range(65, 75):
+        points, _ = shuffled(elsewhere[0], number)
+        pose = session.step(record(points, number))
+    assert_labelled(pose, elsewhere[0])
+    assert pose.confidence > 0.1
+
+
 def test_wrong_labels_do_not_last(subject, database, record, opening):
     """Left and right mixed up by the source of the first half second: seen by the error, and labelled afresh."""
     session = Session(subject, database)
