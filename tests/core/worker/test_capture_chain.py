@@ -74,7 +74,7 @@ def test_every_frame_of_a_source_that_ends_is_solved_and_kept(request_files: dic
     path, packets = tmp_path / "walk.perftake", []
     with Receiver(0) as receiver:
         asked = {"take": str(path), "character": "Xbot", "vmc": {"host": "127.0.0.1", "port": receiver.port}}
-        capture = request(request_files, seconds=2.0)
+        capture = request(request_files)
         client = WorkerClient({**capture, **asked})
 
         def received(_: list[Message]) -> bool:
