@@ -1,8 +1,8 @@
 """Correction of temporarily exchanged labels, by continuity and by distances on the body.
 
-Two markers exchange their labels at a seam where both trajectories jump and each continues the other's. The evidence is
-summed over the stretches of a take (Viterbi 1967), together with evidence from the distances to other markers, which
-hardly change along a bone.
+Labels of two markers are exchanged at a seam at which both trajectories jump and each continues where the other ends.
+The most likely exchanged stretches of a take are found by the algorithm of Viterbi (1967), with further evidence from
+the distances to other markers, which hardly change between markers of one bone.
 """
 
 from collections.abc import Sequence
@@ -19,21 +19,21 @@ from .trajectory_seams import SeamScale, after, before, cost, sudden
 class ExchangeSettings:
     """Settings of `undo_exchanges`; chosen like `SeamSettings`."""
 
-    jump_m: float = 0.03  # smallest miss that each trajectory must have at some seam
-    jump_sigmas: float = 4.0  # the same in standard deviations
-    possible: float = 6.0  # evidence from which on a seam is a candidate, nats
-    possible_in_gap: float = -3.0  # the same in a gap, where exchanges are more frequent than the evidence shows
-    gap: int = 3  # shortest step between common positions that counts as a gap, frames
+    jump_m: float = 0.03  # miss that each of the two trajectories must have at some seam (see `trajectory_seams`)
+    jump_sigmas: float = 4.0  # the same, in standard deviations
+    possible: float = 6.0  # evidence above which a seam is a candidate for an exchange, nats
+    possible_in_gap: float = -3.0  # the same in a gap, where exchanges are frequent and leave little evidence
+    gap: int = 3  # shortest step between two frames that show both markers, that is a gap, frames
     change: float = 9.0  # cost of each end of an exchange, nats
     change_in_gap: float = 6.0  # the same in a gap
-    at_end: float = 9.0  # cost of being exchanged when the take begins or ends
-    frame: float = 0.01  # cost of each exchanged frame, nats: prefers the shorter of two explanations
-    apart: int = 2  # number of seams on either side of a candidate that show the same jump
+    at_end: float = 9.0  # cost of labels that are exchanged at the take's beginning or end
+    frame: float = 0.01  # cost of each frame with exchanged labels, nats: prefers the shorter of two explanations
+    apart: int = 2  # number of seams on either side of a candidate that may show the same jump
     partners: int = 3  # number of other markers whose distances are compared
     rigid_m: float = 0.03  # largest standard deviation of a distance that is compared
-    least_rigid_m: float = 0.01  # smallest standard deviation, because of skin motion
-    most_body: float = 15.0  # limit on the evidence from distances: the other marker may be exchanged, too
-    independent_s: float = 0.25  # time after which a distance counts as a new measurement
+    least_rigid_m: float = 0.01  # smallest standard deviation assumed, because of skin motion
+    most_body: float = 15.0  # cap on the evidence from distances: labels of the other markers may be exchanged, too
+    independent_s: float = 0.25  # time after which a distance is an independent measurement
     most: int = 200  # largest number of exchanges that are undone
 
 
@@ -42,7 +42,7 @@ _S = ExchangeSettings()
 
 @dataclass(frozen=True)
 class Exchange:
-    """Frames from `first` to `last` in which two markers (columns) had each other's labels."""
+    """Frames `first` to `last`, inclusive, in which two markers (columns) had each other's labels."""
 
     first: int
     last: int
@@ -80,8 +80,8 @@ class _Course:
 
     Args:
         path: Positions (F, 3), NaN where the marker is hidden.
-        rows: Frames where it is visible.
-        ratios: Misses at the seams between these frames, relative to the usual ones.
+        rows: Frames in which the marker is visible.
+        ratios: Misses at the seams between these frames, relative to typical ones.
         come, go: Velocities (F, 3) before and after each frame, NaN where unknown.
         come_m: Positions (F - 1, 3) halfway to the next frame, extrapolated from earlier frames.
         misses_m2: Squared misses (F - 1,) between successive frames, NaN where unknown.
@@ -99,7 +99,7 @@ class _Course:
 
 
 class _Search:
-    """Finds the pair with the most evidence, again after each correction."""
+    """Finds the pair with the most evidence for exchanges, anew after each correction."""
 
     def __init__(self, times_s: Array, points_m: Array, neighbours: Mask) -> None:
         self._times_s, self.points_m = times_s, points_m
@@ -111,12 +111,12 @@ class _Search:
         self._found = {pair: self._exchanges(*pair) for pair in combinations(markers, 2) if self._worth(*pair)}
 
     def best(self) -> list[Exchange]:
-        """Return the exchanges of the pair with the most evidence."""
+        """Return the exchanges of the pair with the most evidence, or an empty list."""
         gains = {pair: gain for pair, (gain, _) in self._found.items() if gain > 0.0}
         return self._found[max(gains, key=gains.__getitem__)][1] if gains else []
 
     def put_back(self, exchanges: list[Exchange]) -> None:
-        """Swap the labels back, and search all pairs with these markers again."""
+        """Undo exchanges, and search all pairs that contain these markers again."""
         changed = exchanges[0].markers
         self.points_m = put_back(self.points_m, exchanges)
         for marker in changed:
@@ -148,7 +148,7 @@ class _Search:
         return _Course(path, rows, ratios, come, go, come_m, misses_m2, len(jumps) > 0)
 
     def _exchanges(self, a: int, b: int) -> tuple[float, list[Exchange]]:
-        """Return the evidence for the most likely exchanges of two markers, nats, and the exchanges."""
+        """Return the most likely exchanges of two markers, preceded by the evidence for them, nats."""
         seen = np.isfinite(self._courses[a].path[:, 0] + self._courses[b].path[:, 0])
         rows = np.flatnonzero(seen)
         if len(rows) < 6:
@@ -176,10 +176,10 @@ class _Search:
         return gain, stretches
 
     def _possible_seams(self, a: int, b: int, seen: Mask, rows: IntArray) -> IntArray:
-        """Return the seams between common frames (rows) at which an exchange can be more likely than no exchange.
+        """Return the seams, as indices into common frames `rows`, at which an exchange can be more likely than none.
 
-        Between successive frames, this needs a miss of more than half the distance between the two markers: otherwise
-        both are closer to their own continuation.
+        Between successive frames, one miss must exceed half the distance between the two markers: otherwise each is
+        closer to its own continuation.
         """
         own, other = self._courses[a], self._courses[b]
         apart_m2 = _squares(own.come_m - other.come_m)
@@ -187,7 +187,7 @@ class _Search:
         return np.union1d((np.cumsum(seen) - 1)[beside], np.flatnonzero(np.diff(rows) > 1))
 
     def _gains(self, a: int, b: int, start: IntArray, stop: IntArray) -> Array:
-        """Return the evidence (K,), nats, that labels are exchanged between two frames."""
+        """Return the evidence (K,), nats, that labels change places between frames `start` (K,) and `stop` (K,)."""
         half_s = 0.5 * (self._times_s[stop] - self._times_s[start])[:, None]
         courses = (self._courses[a], self._courses[b])
         come = [course.path[start] + half_s * course.come[start] for course in courses]
@@ -209,7 +209,7 @@ def _squares(apart_m: Array) -> Array:
 
 
 def _candidates(gains: Array, seams: IntArray, rows: IntArray) -> IntArray:
-    """Return the seams at which labels may have been exchanged: those with the most evidence nearby, or in a gap."""
+    """Return the seams at which labels may change places: those with more evidence than seams nearby, or in a gap."""
     hidden = rows[seams + 1] - rows[seams] >= _S.gap
     possible = seams[(gains[seams] > _S.possible) | (hidden & (gains[seams] > _S.possible_in_gap))]
     padded = np.pad(gains, _S.apart, constant_values=-np.inf)
@@ -219,11 +219,11 @@ def _candidates(gains: Array, seams: IntArray, rows: IntArray) -> IntArray:
 
 
 def _most_likely(gains: Array, exchanged: Array) -> tuple[float, IntArray]:
-    """Return the evidence for the most likely states, and the states (K + 1,) between K seams, 1 for exchanged.
+    """Return the most likely states (K + 1,) between K seams, 1 for exchanged, preceded by the evidence for them.
 
     Args:
         gains: Evidence (K,) that the state changes, minus the cost of a change.
-        exchanged: Cost (K + 1,) of each stretch when exchanged.
+        exchanged: Cost (K + 1,) of each stretch if its labels are exchanged.
     """
     totals, origins = np.array([0.0, exchanged[0] + _S.at_end]), []
     for gain, cost_here in zip(gains, exchanged[1:], strict=True):
@@ -244,7 +244,7 @@ def _merged(edges: IntArray, states: IntArray) -> list[tuple[int, int, int]]:
 
 
 class RigidDistances:
-    """Distances between markers on the same or on neighbouring bones that hardly change in this take."""
+    """Distances, hardly changing in this take, between markers on the same or on neighbouring bones."""
 
     def __init__(self, points_m: Array, neighbours: Mask) -> None:
         markers = points_m.shape[1]
@@ -260,7 +260,7 @@ class RigidDistances:
             self._sigmas[a, b] = self._sigmas[b, a] = max(sigma, _S.least_rigid_m) if sigma < _S.rigid_m else np.inf
 
     def partners(self, marker: int, without: int | None = None) -> IntArray:
-        """Return the markers whose distance to a marker changes least, except `without`."""
+        """Return the few markers whose distance from a marker changes least, except the marker `without`."""
         sigmas = self._sigmas[marker].copy()
         if without is not None:
             sigmas[without] = np.inf
@@ -268,10 +268,10 @@ class RigidDistances:
         return order[np.isfinite(sigmas[order])]
 
     def cost_of_exchange(self, paths: Sequence[Array], a: int, b: int) -> Array:
-        """Return how much less likely (F,), nats, the distances get if two markers are exchanged.
+        """Return the cost (F,), nats, of exchanging two markers: how much less likely this makes the distances.
 
         Args:
-            paths: Positions (F, 3) of each marker.
+            paths: Positions (F, 3) of every marker.
         """
         total = np.zeros(len(paths[a]))
         for marker, other in ((a, b), (b, a)):

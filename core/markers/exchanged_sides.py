@@ -1,8 +1,8 @@
-"""Left and right labels that are exchanged in a whole take, found by the shape of the body.
+"""Detection of left and right labels that are exchanged throughout a take, by the shape of the body.
 
-A body with the labels of its sides exchanged is the mirror image of a body. Groups of markers that are rigid
-enough (trunk and head; hips and legs) are fitted to a standing body and to its mirror image, whichever way the
-performer faces or walks. A mirrored recording cannot be told apart from exchanged labels.
+A body whose left and right labels are exchanged looks like a mirror image. Groups of markers that are rigid enough
+(trunk and head; hips and legs) are fitted to a standing body and to its mirror image, whichever way the performer faces
+or walks. A mirrored recording cannot be told apart from exchanged labels.
 """
 
 from collections.abc import Sequence
@@ -21,14 +21,15 @@ from .marker_set import Marker
 class SideSettings:
     """Settings of `exchanged_sides`.
 
-    Chosen on the CMU subjects 05, 14, 127, 135 and eight marker sets: in clean takes the evidence is at most -0.22.
+    Chosen on the CMU subjects 05, 14, 127, 135 and eight marker sets: in takes without errors the evidence is at most
+    -0.22.
     """
 
     samples: int = 600  # largest number of frames that are checked
-    fewest: int = 4  # fewest markers of a group: three fit their mirror image just as well
-    skin_m: float = 0.02  # distance of markers from their usual places that is not evidence
-    evidence: float = 0.3  # smallest mean log ratio of misfits, summed over groups, that shows an exchange
-    against: float = 0.1  # largest evidence of any one group against an exchange
+    fewest: int = 4  # fewest markers in a group: three fit their mirror image just as well
+    skin_m: float = 0.02  # tolerance for the distance of markers from their usual positions
+    evidence: float = 0.3  # sum over groups of the mean log ratios of misfits above which sides are exchanged
+    against: float = 0.1  # largest evidence that a single group may have against an exchange
 
 
 _S = SideSettings()
@@ -39,7 +40,7 @@ _GROUPS = (
 
 
 def exchanged_sides(points_m: Array, markers: Sequence[Marker], skeleton: Skeleton) -> list[tuple[int, int]]:
-    """Return the pairs of left and right markers if these have each other's labels in the whole take, otherwise none.
+    """Return all pairs of left and right markers if their labels are exchanged in the whole take, else an empty list.
 
     Args:
         points_m: Trajectories (F, M, 3), NaN where hidden.
@@ -68,6 +69,6 @@ def exchanged_sides(points_m: Array, markers: Sequence[Marker], skeleton: Skelet
 
 
 def _partners(markers: Sequence[Marker]) -> IntArray:
-    """Return the marker (M,) of the other side for each marker, or the marker itself if there is none."""
+    """Return the index (M,) of each marker's counterpart on the other side, or its own if there is none."""
     other, itself = other_sides(markers), np.arange(len(markers))
     return np.where((other >= 0) & (other[other] == itself), other, itself)

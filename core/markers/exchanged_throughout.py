@@ -1,7 +1,7 @@
-"""Pairs of markers on one limb whose labels are exchanged in the whole take, found by their distances to others.
+"""Detection of two labels on one limb that are exchanged throughout a take, by the distances to other markers.
 
-Nothing jumps in such a take. But the distances to other markers on the limb match neither those of the usual positions
-nor those of the other limb, and with the labels exchanged they would match both.
+No trajectory jumps in such a take. But the distances to other markers on the limb match neither the marker set's nor
+those on the other limb, while with the two labels swapped they match both.
 """
 
 from collections.abc import Sequence
@@ -21,8 +21,8 @@ from .marker_set import Marker
 class ThroughoutSettings:
     """Settings of `exchanged_throughout`; chosen on marker sets of many vendors."""
 
-    nearer_usual_m: float = 0.03  # smallest decrease of the summed difference from the usual distances to others
-    nearer_other_m: float = 0.08  # the same for the other limb, on which markers are worn symmetrically
+    nearer_usual_m: float = 0.03  # smallest decrease of the summed difference from the usual distances by swapping
+    nearer_other_m: float = 0.08  # the same for the distances on the other limb, where markers are worn symmetrically
 
 
 _S = ThroughoutSettings()
@@ -35,7 +35,7 @@ def exchanged_throughout(
 
     Args:
         points_m: Trajectories (F, M, 3), NaN where hidden.
-        markers: The markers (M) on the body.
+        markers: Markers (M) of the trajectories.
         neighbours: Mask (M, M) of pairs of markers on the same or on neighbouring bones.
     """
     apart_m = _usual_distances(points_m)
@@ -63,13 +63,13 @@ def exchanged_throughout(
 
 
 def _gain(apart_m: Array, expected_m: Array, marker: int, instead: int, near: Mask) -> float:
-    """Return how much closer a marker's distances come to the expected ones if its label belongs to another marker."""
+    """Return how much closer a marker's distances come to the expected ones with the trajectory of another marker."""
     expected = expected_m[marker, near]
     return float(np.nansum(np.abs(apart_m[marker, near] - expected) - np.abs(apart_m[instead, near] - expected)))
 
 
 def _usual_distances(points_m: Array) -> Array:
-    """Return the median distances (M, M) between trajectories, NaN for those never visible together."""
+    """Return the median distances (M, M) between trajectories; NaN for two that are never visible together."""
     count = points_m.shape[1]
     found = np.full((count, count), np.nan)
     for a, b in combinations(range(count), 2):
@@ -80,7 +80,7 @@ def _usual_distances(points_m: Array) -> Array:
 
 
 def places_standing(markers: Sequence[Marker], skeleton: Skeleton) -> Array:
-    """Return the places (M, 3) of markers on a standing body."""
+    """Return the positions (M, 3) of markers on a standing body."""
     joints = np.array([skeleton.index(marker.joint) for marker in markers])
     return marker_positions(skeleton, joints, _offsets_m(markers), standing(skeleton), np.zeros(3))
 
@@ -91,7 +91,7 @@ def _offsets_m(markers: Sequence[Marker]) -> Array:
 
 
 def other_sides(markers: Sequence[Marker]) -> IntArray:
-    """Return the marker (M,) at the mirrored position of each, or -1 if there is none."""
+    """Return the index (M,) of the marker nearest to each marker's mirrored position; -1 if its joint carries none."""
     offsets_m = _offsets_m(markers)
     mirrored = offsets_m * [-1.0, 1.0, 1.0]
     found = []

@@ -27,7 +27,7 @@ def smooth_take(take: MarkerTake, cutoff_hz: float) -> MarkerTake:
 
     Args:
         take: Take; its frames may be uneven in time.
-        cutoff_hz: Frequency at which half the power remains; walking keeps its shape from 6 Hz upwards.
+        cutoff_hz: Frequency at which half the power remains; 6 Hz or more preserve the shape of walking.
 
     Raises:
         SettingsError: The frequency is not between 0 and half the frame rate.
@@ -45,8 +45,8 @@ def smooth_take(take: MarkerTake, cutoff_hz: float) -> MarkerTake:
 def smooth_motion(motion: Motion, cutoff_hz: float) -> Motion:
     """Return the motion with joint rotations and root path low-pass filtered without lag.
 
-    Joints without markers follow the database's examples, which change from frame to frame. Cut-off and errors are
-    those of `smooth_take`.
+    Without markers, joints follow the database's examples, which change from frame to frame, so they jitter. Cut-off
+    and errors are those of `smooth_take`.
     """
     weights = _low_pass(cutoff_hz, motion.fps, motion.name)
     rotations = _filter_rotations(weights, motion.rotations)
@@ -61,16 +61,16 @@ def smooth_poses(clock: Clock, rotations: Array, root_positions_m: Array, cutoff
 
 
 def smooth_on_body(take: MarkerTake, marker_set: MarkerSet, motion: Motion, cutoff_hz: float) -> MarkerTake:
-    """Reduce the noise of a set's markers using the solved body.
+    """Reduce the noise of a set's markers by means of the solved body.
 
-    All markers together and the database's poses average out the noise of the body's pose. A marker's position in the
-    frame of its joint is filtered with a much lower cut-off than motion needs; its trajectory, as the joint
-    then carries it, is filtered as in `smooth_take`.
+    The pose is less noisy than single markers, because all markers and the database determine it together. A marker's
+    position in the frame of its joint is filtered with a much lower cut-off than motion needs; its trajectory, as the
+    joint then carries it, is filtered as in `smooth_take`.
 
     Args:
         take: Take with the set's marker names; other markers are unchanged.
         motion: Motion solved from the take, in its world, with the same frames.
-        cutoff_hz: Cut-off for the trajectory; that for the position on the body is a fifth of it. Errors are those of
+        cutoff_hz: Cut-off for the trajectory; that for the position on the body is a fifth of this. Errors are those of
             `smooth_take`.
     """
     joints, turns = forward_kinematics(motion.skeleton, motion.rotations, motion.root_positions_m)
@@ -88,14 +88,14 @@ def smooth_on_body(take: MarkerTake, marker_set: MarkerSet, motion: Motion, cuto
 
 
 def _low_pass(cutoff_hz: float, fps: float, name: str) -> Array | None:
-    """Return weights (2, 3) of a Butterworth filter's inputs and outputs, newest first; None to pass everything."""
+    """Return the weights (2, 3) of a Butterworth filter's inputs and outputs, newest first; None if none is needed."""
     if not 0.0 < cutoff_hz < 0.5 * fps:
         raise SettingsError(
             f"smoothing at {cutoff_hz:g} Hz is out of range",
             where=name,
             advice=f"give a frequency above 0 and below half the frame rate, {0.5 * fps:.3g} Hz",
         )
-    # two passes narrow the band, so each gets a cut-off that is higher by the same factor
+    # two passes narrow the band, so each pass gets a higher cut-off to compensate
     single_pass = cutoff_hz / (np.sqrt(2.0) - 1.0) ** (0.5 / _ORDER)
     if single_pass >= 0.5 * fps:
         return None
@@ -108,7 +108,7 @@ def _low_pass(cutoff_hz: float, fps: float, name: str) -> Array | None:
 
 
 def _filter(weights: Array | None, path: Array) -> Array:
-    """Filter rows (F, ...) forwards and backwards; too few rows are returned unchanged."""
+    """Filter rows (F, ...) forwards and backwards; if there are too few, return them unchanged."""
     if weights is None or len(path) <= _PAD:
         return path
     rows = path.reshape(len(path), -1)
@@ -124,12 +124,12 @@ def _filter_rotations(weights: Array | None, rotations: Array) -> Array:
 
 
 def _pass(weights: Array, rows: Array) -> Array:
-    """Filter rows (F, N) forwards, starting in the steady state of the first."""
+    """Filter rows (F, N) forwards, starting from the steady state for the first row."""
     inputs, outputs = weights
     rise = rows - rows[0]
     driven = inputs[0] * rise
     driven[1:] += inputs[1] * rise[:-1]
     driven[2:] += inputs[2] * rise[:-2]
     bands = np.repeat(outputs[:, None], len(rows), axis=1)
-    # importing scipy.signal would take most of a second
+    # not scipy.signal, whose import takes most of a second
     return np.asarray(solve_banded((_ORDER, 0), bands, driven, overwrite_b=True)) + rows[0]

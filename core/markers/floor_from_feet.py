@@ -1,4 +1,4 @@
-"""Floor of a recording found from planted feet, for captures without a board on the floor."""
+"""Estimation of the floor from planted feet, for captures without a board on the floor."""
 
 import math
 from collections.abc import Callable
@@ -28,15 +28,15 @@ class FloorSettings:
 
     sole_m: float = 0.02  # height of a standing foot's lowest joint above the floor
     smoothing_hz: float = 5.0  # cut-off of the trajectories
-    still_m_s: float = 0.25  # speed below which a foot's marker is at rest
-    low_m: float = 0.04  # the same for its height above its lowest position within a second
-    fewest_s: float = 0.5  # shortest rest, summed over the markers, that shows where the floor is
-    lean_rad: float = math.radians(3.0)  # standard deviation of a performer's mean lean from upright
+    still_m_s: float = 0.25  # speed below which a marker on a foot may be at rest
+    low_m: float = 0.04  # height above its lowest position within a second below which it may be at rest
+    fewest_s: float = 0.5  # shortest time at rest, summed over the markers, that determines the floor
+    lean_rad: float = math.radians(3.0)  # standard deviation of the lean of a performer's mean vertical
     height_sigma_m: float = 0.01  # standard deviation of a resting marker's height
-    frames_per_stand: float = 10.0  # number of frames whose errors are the same
-    trimmed: float = 3.0  # deviation of the height, in median deviations, above which a frame is an outlier
+    frames_per_stand: float = 10.0  # number of successive frames with nearly the same error
+    trimmed: float = 3.0  # deviation from the plane, in median deviations, above which a point is an outlier
     trim_rounds: int = 5
-    fewest: int = 4  # fewest markers of a frame that determine the vertical
+    fewest: int = 4  # fewest markers in a frame that determine the vertical
     upright_samples: int = 60  # number of frames used to find the vertical
 
 
@@ -46,17 +46,17 @@ _S = FloorSettings()
 def floor_points(take: MarkerTake, marker_set: MarkerSet, pose: Callable[[Skeleton], Array] = standing) -> Array:
     """Return four points (4, 3) of the floor, around the area where the performer moved.
 
-    Resting foot markers are as high above the floor as on a standing person. A plane is fitted to them; the performer's
-    mean vertical is its prior, in case the feet were planted nearly on a line.
+    Markers on planted feet are as high above the floor as on a standing person. A plane is fitted to the points below
+    them. Its prior is the performer's mean vertical, which matters if the feet were planted nearly on a line.
 
     Args:
         take: Labelled take in any world, in which the performer stands or walks.
         marker_set: Marker set with usual offsets and markers on the feet.
-        pose: Usual pose of the performer, who is upright on average.
+        pose: Returns the rotations (J, 4) of the performer's average pose, which is upright.
 
     Raises:
         TakeError: There are no markers on the feet, or no foot stays planted long enough.
-        MarkerSetError: The set has no offsets.
+        MarkerSetError: The set lacks offsets.
     """
     skeleton = default_skeleton()
     upright = _upright_rotation(take, marker_set, skeleton, pose(skeleton))
@@ -70,7 +70,7 @@ def floor_points(take: MarkerTake, marker_set: MarkerSet, pose: Callable[[Skelet
 
 
 def to_rig_world(take: MarkerTake, old: CameraRig, new: CameraRig) -> MarkerTake:
-    """Move a take to the world of a new rig with the same cameras."""
+    """Return a take in the world of a new rig with the same cameras."""
     before, after = old.cameras[0], new.cameras[0]
     rotation = after.rotation.T @ before.rotation
     translation = after.rotation.T @ (before.translation_m - after.translation_m)
@@ -79,7 +79,7 @@ def to_rig_world(take: MarkerTake, old: CameraRig, new: CameraRig) -> MarkerTake
 
 
 def _upright_rotation(take: MarkerTake, marker_set: MarkerSet, skeleton: Skeleton, pose: Array) -> Array:
-    """Return the rotation (3, 3) from a level frame, according to the body's mean vertical."""
+    """Return the world-from-level rotation (3, 3), level according to the body's mean vertical."""
     template = marker_set.positions_on(skeleton, pose)
     frames = evenly(take.frames, _S.upright_samples)
     up = mean_vertical(template, take.positions_m[frames][:, _columns(take, marker_set)], _S.fewest)
@@ -102,7 +102,7 @@ def _columns(take: MarkerTake, marker_set: MarkerSet) -> list[int]:
 
 
 def _stance_points(take: MarkerTake, marker_set: MarkerSet, skeleton: Skeleton, upright: Array) -> Array:
-    """Return floor points (N, 3) in the level frame, below the markers of planted feet."""
+    """Return points (N, 3) of the floor in the level frame, below the markers of planted feet."""
     columns, radius = _columns(take, marker_set), round(take.fps)
     heights, times_s = _usual_heights(marker_set, skeleton), frame_times(take)
     found = []
@@ -124,7 +124,7 @@ def _stance_points(take: MarkerTake, marker_set: MarkerSet, skeleton: Skeleton, 
 
 
 def _usual_heights(marker_set: MarkerSet, skeleton: Skeleton) -> Array:
-    """Return the heights (M,) of the markers above the floor when a person stands."""
+    """Return the heights (M,) of the markers above the floor on a standing person."""
     positions, _ = forward_kinematics(skeleton, standing(skeleton), np.zeros(3))
     markers = marker_set.positions_on(skeleton, standing(skeleton))
     floor = min(positions[skeleton.index(name), 1] for name in _FOOT_JOINTS) - _S.sole_m
@@ -132,7 +132,7 @@ def _usual_heights(marker_set: MarkerSet, skeleton: Skeleton) -> Array:
 
 
 def _plane(stands: Array, upright: Array) -> Array:
-    """Return four points (4, 3) of the plane fitted to points in the level frame."""
+    """Return four points (4, 3), in world axes, of the plane fitted to points (N, 3) in the level frame."""
     kept = np.ones(len(stands), dtype=bool)
     for _ in range(_S.trim_rounds):
         middle = stands[kept].mean(axis=0)

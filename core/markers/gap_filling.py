@@ -1,10 +1,10 @@
 """Gap filling with the solved body and with splines.
 
-A marker is followed in the frame of the joint that carries it, where it moves only because of skin motion and errors of
-the body's calibration. Across a gap this position is interpolated, and the solved joint carries it. A cubic
-spline through the positions next to the gap is better while the gap is short; the two are averaged, weighted by the
-inverse of their expected square errors. The spline's error is measured on artificial gaps where the marker is visible.
-The body's error is how far the marker's position on it differs before and after gaps, with the body solved without it.
+In the frame of the joint that carries it, a marker moves only because of skin motion and calibration errors. This
+position is interpolated across a gap, and the solved joint carries it along. In short gaps, a cubic spline through the
+positions next to the gap is better. The two estimates are averaged, weighted by the inverse of their expected squared
+errors. The spline's error is measured on artificial gaps where the marker is visible. The body's error is estimated
+from the change of the marker's position on the body across gaps, with the body solved without this marker.
 """
 
 from dataclasses import dataclass, replace
@@ -20,21 +20,21 @@ from .marker_set import MarkerSet
 from .marker_take import MarkerTake
 from .steady_take import frame_times
 
-_MID_ERROR = 0.0398  # root mean square of u^2 (1 - u)^2, the shape of a cubic interpolation's error over a gap
+_MID_ERROR = 0.0398  # RMS of u^2 (1 - u)^2, the shape of a cubic interpolation's error over a gap
 
 
 @dataclass(frozen=True)
 class GapSettings:
     """Settings of `fill_gaps`, chosen on artificial gaps in CMU takes (tuning log)."""
 
-    shoulder_s: float = 0.1  # part of a trajectory next to a gap that determines the marker's position on the body
-    settled_s: float = 0.04  # time constant with which the offset of the last frame before the gap fades
-    leaving_s: float = 0.1  # time constant with which the body's error grows from the gap's ends
-    least_drift_m: float = 0.01  # drift of a marker on the body across a gap if there is little evidence
-    earlier_gaps: float = 3.0  # weight of the drift across all gaps, in observations of one gap
-    least_error_m: float = 0.001  # smallest error of either estimate
-    long_s: float = 0.5  # length of a gap at which splines err twice as much as measured, because the motion changes
-    most_trials: int = 40  # number of artificial gaps used to measure splines
+    shoulder_s: float = 0.1  # length of trajectory on either side of a gap that is used
+    settled_s: float = 0.04  # time constant with which the offset in the frame next to the gap fades
+    leaving_s: float = 0.1  # time constant with which the body's error grows away from the gap's ends
+    least_drift_m: float = 0.01  # drift of a marker on the body across a gap, used if few gaps show it
+    earlier_gaps: float = 3.0  # weight of the mean drift over all gaps relative to that of the gap itself
+    least_error_m: float = 0.001  # smallest error assumed for either estimate
+    long_s: float = 0.5  # length of a gap for which the measured error of splines is doubled, because motions differ
+    most_trials: int = 40  # largest number of artificial gaps on which splines are measured
 
 
 _S = GapSettings()
@@ -42,7 +42,7 @@ _S = GapSettings()
 
 @dataclass(frozen=True)
 class Gap:
-    """Frames from `start` up to but not including `stop` in which a marker (column of the take) is hidden."""
+    """Gap in the trajectory of a marker (column of the take), from frame `start` up to but not including `stop`."""
 
     marker: int
     start: int
@@ -55,7 +55,7 @@ class Gap:
 
 
 def find_gaps(visible: Mask) -> list[Gap]:
-    """Return the gaps of markers in a mask (F, M) of visible ones, except markers that are never visible."""
+    """Return the gaps in a mask (F, M) of visible markers; markers that are never visible have none."""
     found = []
     for marker, seen in enumerate(visible.T):
         if seen.any():
@@ -66,8 +66,8 @@ def find_gaps(visible: Mask) -> list[Gap]:
 def widen_gaps(take: MarkerTake) -> MarkerTake:
     """Return the take with each gap a tenth of a second longer at both ends.
 
-    A body solved from this does not jump where a marker disappears or returns, and next to the gap the marker shows
-    how far off the body is without it.
+    A body solved from this take does not jump where a marker disappears or returns, and next to the gap the marker
+    shows how far off the body is without it.
     """
     frames = _shoulder(take.fps)
     kept = take.visible
@@ -116,13 +116,13 @@ class _Filler:
 
     @property
     def drift_m(self) -> float:
-        """Drift of the marker on the body over the gap, NaN at the take's ends."""
+        """Change of the marker's position on the body across the gap; NaN at the take's beginning or end."""
         if not len(self._before) or not len(self._after):
             return float("nan")
         return float(np.linalg.norm(self._place(self._before).mean(axis=0) - self._place(self._after).mean(axis=0)))
 
     def _place(self, rows: IntArray) -> Array:
-        """Return the marker's positions in its joint's frame."""
+        """Return the marker's positions (n, 3) in its joint's frame in some frames (n,)."""
         return rot.rotate(rot.conjugate(self._turn[rows]), self._path[rows] - self._joint[rows])
 
     def fill(self, usual_drift_m: float) -> Array:
@@ -135,7 +135,7 @@ class _Filler:
         hidden_s, span_s = self._hidden_s()
         spline = CubicSpline(self._times_s[rows], self._path[rows], axis=0)(hidden_s)
         own = np.square(self.drift_m) + _S.earlier_gaps * usual_drift_m**2
-        # the difference of two positions has twice the variance of one
+        # the variance of the difference of two positions is twice that of one
         drift = np.sqrt(0.5 * own / (1.0 + _S.earlier_gaps))
         share = (hidden_s - span_s[0]) / (span_s[1] - span_s[0])
         from_end_s = np.minimum(hidden_s - span_s[0], span_s[1] - hidden_s)
@@ -154,7 +154,7 @@ class _Filler:
         return hidden_s, (float(before_s), float(after_s))
 
     def _by_body(self) -> Array:
-        """Return the positions that the solved joint gives, without a jump at the ends."""
+        """Return positions (n, 3) carried along by the solved joint, without a jump at the ends of the gap."""
         hidden_s, (start_s, stop_s) = self._hidden_s()
         since_s, until_s = (hidden_s - start_s)[:, None], (stop_s - hidden_s)[:, None]
         ends = [rows for rows in (self._before, self._after) if len(rows)]
@@ -168,7 +168,7 @@ class _Filler:
         return np.asarray(self._joint[rows] + rot.rotate(self._turn[rows], places))
 
     def _tried_m(self) -> float | None:
-        """Return the RMS error of splines over artificial gaps of this length, or None if there is no room for one."""
+        """Return the RMS error of splines over artificial gaps of this length; None if there is no room for any."""
         count, beside = self._gap.frames, _shoulder(self._fps)
         length = count + 2 * beside
         whole = np.convolve(self._seen, np.ones(length, dtype=int), mode="valid") == length
@@ -177,7 +177,7 @@ class _Filler:
             return None
         rows = np.arange(length)
         hidden, kept = rows[beside : beside + count], np.delete(rows, np.s_[beside : beside + count])
-        # one spline for all, because they share their knots
+        # one spline for all artificial gaps, because they share their knots
         paths = self._path[starts[:: max(1, len(starts) // _S.most_trials), None] + rows]
         away = CubicSpline(kept, paths[:, kept], axis=1)(hidden) - paths[:, hidden]
         return float(np.sqrt(np.mean(np.sum(away**2, axis=-1))))

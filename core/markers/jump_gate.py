@@ -1,10 +1,11 @@
-"""Doubt about labelled markers that jump: a single wild point moves nothing, and exchanged labels are corrected.
+"""Gate for labelled markers that jump: single wild points are ignored, and exchanged labels are corrected.
 
-How far a marker can move in a frame is predicted from its own motion. A position that this motion makes less likely
-than a wild point is treated as hidden for one frame. If the marker is still away from its prediction in the next frame,
-it is believed: its label or its place on the body has changed, or it has moved faster than predicted. If most markers
-jump, this is another shot or another person, which is believed immediately. Markers that jump to where others are
-expected have exchanged labels, which are corrected for half a second at most: a longer exchange is believed.
+How far a marker can move in a frame is predicted from its own motion. A position that is less likely, given this
+motion, than a wild point is doubted: the marker is treated as hidden for one frame. If it is still far from its
+prediction in the next frame, the new position is accepted: its label or its position on the body has changed, or it has
+moved faster than predicted. If most markers jump, there is a cut to another motion or another person, and the positions
+are accepted immediately. Markers that jump to where others are expected have exchanged labels. These are corrected, but
+only for half a second: a longer exchange is accepted.
 """
 
 import math
@@ -23,14 +24,14 @@ class JumpSettings:
     """Settings of `JumpGate`, chosen on five takes of CMU with wild points and without."""
 
     share: float = 0.02  # share of wild points among all
-    reach_m: float = 0.3  # radius around a marker in which its wild points lie
-    torso_m_s2: float = 54.0  # acceleration by which the torso's markers depart from where the body carries them
+    reach_m: float = 0.3  # radius around a marker within which its wild points lie
+    torso_m_s2: float = 54.0  # standard deviation of the acceleration of torso markers, relative to the body's
     near_m: float = 0.02  # distance from the expected position within which nothing is wild
-    jerk_m_s3: float = 4320.0  # the same for long steps between frames: a change of acceleration that people reach
-    outside: float = 3.0  # nothing is wild within this many sigmas of the carried position; sigma grows in a pause
-    settled: int = 3  # positions after which a marker's own motion counts
-    exchanged: int = 30  # frames after which exchanged labels are believed
-    cut: float = 0.5  # share of the located markers leaving their motion above which there is a cut
+    jerk_m_s3: float = 4320.0  # jerk that people reach: a jump is larger than this explains
+    outside: float = 3.0  # nothing is wild within this many standard deviations of the carried position
+    settled: int = 3  # number of successive positions after which a marker's own motion is relied on
+    exchanged: int = 30  # number of frames after which exchanged labels are accepted
+    cut: float = 0.5  # share of located markers that deviate from their motion above which there is a cut
 
 
 _S = JumpSettings()
@@ -40,8 +41,8 @@ _WILD = math.log(_S.share / (4.0 / 3.0 * math.pi * _S.reach_m**3))  # log densit
 class Carried(NamedTuple):
     """Prediction of the next frame's markers from the body so far."""
 
-    torso_m: Array  # (M, 3) where the body carries its torso markers; NaN for others and if unknown
-    fits: bool = True  # whether the body fits its markers: otherwise their labels may have been wrong
+    torso_m: Array  # (M, 3) torso markers, extrapolated with the body; NaN for other markers and if unknown
+    fits: bool = True  # whether the last pose fitted its markers: if not, their labels may have been wrong
 
 
 class Gated(NamedTuple):
@@ -50,7 +51,7 @@ class Gated(NamedTuple):
     points_m: Array  # (M, 3) with exchanged labels corrected, NaN where hidden or doubted
     doubted: Mask  # (M,)
     exchanged: Mask  # (M,) markers whose exchanged labels were corrected
-    explained: Mask  # (M,) located markers that their own motion explains
+    explained: Mask  # (M,) located markers that continue their own motion
 
 
 class JumpGate:
@@ -64,18 +65,18 @@ class JumpGate:
     def __init__(self, markers: int, settings: JumpSettings | None = None) -> None:
         self._settings = settings or _S
         self._doubted = np.zeros(markers, dtype=bool)
-        # number of successive positions of each marker's present motion, and of frames with exchanged labels
+        # for each marker, the number of successive positions in its current motion, and of frames with exchanged labels
         self._ages, self._exchanges = np.zeros((2, markers), dtype=np.int64)
 
     def step(
         self, points_m: Array, noise_m: Array, follower: MultipleModelFilter, carried: Carried, elapsed_s: float
     ) -> Gated:
-        """Return the markers of the next frame that are believed.
+        """Return the next frame's markers after the gate.
 
         Args:
             points_m: Markers (M, 3), NaN where hidden.
             noise_m: Standard deviations (M,) of their coordinates.
-            follower: Filter that has predicted them for this frame; it forgets markers whose jump is believed.
+            follower: Filter that has predicted the markers for this frame; it forgets those whose jump is accepted.
             carried: Prediction from the body so far.
             elapsed_s: Time since the last frame.
         """
@@ -110,9 +111,9 @@ class JumpGate:
     def _put_back(
         self, points_m: Array, noise_m: Array, follower: MultipleModelFilter, jumped: Mask
     ) -> tuple[Array, Mask]:
-        """Return the points with exchanges among jumped markers (M,) undone, and a mask of the exchanged markers."""
+        """Return the markers (M, 3) with exchanges among jumped ones undone, and a mask (M,) of the exchanged ones."""
         markers = np.flatnonzero(jumped & (self._exchanges < self._settings.exchanged)).tolist()
-        logs = np.full((len(jumped), len(jumped)), -np.inf)  # log densities of the point of a column at a marker
+        logs = np.full((len(jumped), len(jumped)), -np.inf)  # log density (row) marker at (column) another's point
         for other in markers:
             moved = np.broadcast_to(points_m[other], points_m.shape)
             logs[:, other] = follower.log_likelihoods(moved, noise_m)

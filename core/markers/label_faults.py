@@ -1,7 +1,7 @@
 """Faulty labels of a take: exchanged markers, frozen stretches, wild points.
 
-A label is trusted as long as its trajectory moves as a body can. Exchanged labels are corrected; positions with
-other faults are treated as missing. Both directions of time are used, so this works on complete takes only.
+A label is trusted while its trajectory moves as a body can. Exchanged labels are corrected; positions with other faults
+are removed. Both directions of time are used, so this works on complete takes only.
 """
 
 from collections.abc import Sequence
@@ -26,7 +26,7 @@ class FaultKind(Enum):
     """What is wrong with labels."""
 
     EXCHANGED = "exchanged"
-    SIDES = "sides"  # the whole left side with the whole right side in the whole take, which may be a mirror image
+    SIDES = "sides"  # all left with all right labels, in the whole take, which may be mirrored instead
     FROZEN = "frozen"
     WILD = "wild"
 
@@ -39,7 +39,7 @@ _WHAT = {
 }
 
 
-_TOLD = 8  # number of stretches that warnings name
+_TOLD = 8  # largest number of stretches that warnings list
 
 
 @dataclass(frozen=True)
@@ -79,20 +79,20 @@ def told(stretches: Sequence[DoubtfulStretch]) -> list[str]:
 class FaultSettings:
     """Settings of `correct_labels`; chosen like `SeamSettings`."""
 
-    fewest_frames: int = 8  # fewest frames from which a marker's usual misses can be estimated
+    fewest_frames: int = 8  # fewest frames from which a marker's typical misses can be estimated
     still_sigmas: float = 0.1  # largest step of a still marker, in standard deviations of its misses
-    still_m: float = 1e-7  # the same in metres for any noise: rounding of conversions
+    still_m: float = 1e-7  # the same in metres, however small the noise: rounding in conversions
     still_frames: int = 3  # smallest number of equal positions of a still marker
-    still_evidence: float = 9.0  # evidence needed that it stops or starts unlike a body, nats
-    still_step: float = 3.0  # limit on the evidence of each step without noise, nats
-    rounded: float = 3.0  # smallest noise that rounding cannot hide, in steps of rounding
-    quietest: float = 0.05  # quantile of a marker's misses that is taken as its lowest noise
-    still_move_m: float = 0.02  # distance that the body must move meanwhile for the missing noise to matter
-    still_harm_m: float = 0.01  # smallest jump at either end that matters
-    still_drift_m: float = 0.05  # smallest drift at the speed of either end that matters, too
-    still_drift_evidence: float = 14.0  # evidence needed for such a drift, nats
-    beside: int = 6  # number of seams before or after that show how sudden the motion is there
-    all_still: float = 0.6  # share of other markers that are also still above which the recording had stopped
+    still_evidence: float = 9.0  # evidence needed that a marker stops or starts as no body does, nats
+    still_step: float = 3.0  # cap on the evidence of each step without noise, nats
+    rounded: float = 3.0  # smallest noise that rounding does not hide, in units of the rounding
+    quietest: float = 0.05  # quantile of a marker's misses that represents its lowest noise
+    still_move_m: float = 0.02  # distance that the body must move meanwhile for missing noise to be a fault
+    still_harm_m: float = 0.01  # smallest jump at either end that is a fault
+    still_drift_m: float = 0.05  # smallest distance, covered at the speed of either end, that is also a fault
+    still_drift_evidence: float = 14.0  # evidence needed for a fault by that distance, nats
+    beside: int = 6  # number of seams on either side that show how sudden the motion is there
+    all_still: float = 0.6  # share of other markers, also still, above which the recording had been paused
 
 
 _S = FaultSettings()
@@ -136,7 +136,7 @@ def correct_labels(take: MarkerTake, subject: Subject) -> tuple[MarkerTake, tupl
 
 
 def _steps_between(subject: Subject, joints: Sequence[int]) -> IntArray:
-    """Return the number of bones between the joints of two markers (M, M)."""
+    """Return the number of bones (M, M) between the joints of each two markers."""
     lineages = []
     for joint in joints:
         lineage = [joint]
@@ -147,7 +147,7 @@ def _steps_between(subject: Subject, joints: Sequence[int]) -> IntArray:
 
 
 def _nearest(steps: IntArray) -> Mask:
-    """Return a mask (M, M) of the other markers that are the fewest bones away from each marker."""
+    """Return a mask (M, M) of the other markers that are fewest bones away from each marker."""
     itself = np.eye(len(steps), dtype=bool)
     apart = np.where(itself, steps.max() + 1, steps)
     return np.asarray((apart == apart.min(axis=1, keepdims=True)) & ~itself)
@@ -157,7 +157,7 @@ def _nearest(steps: IntArray) -> Mask:
 
 
 def _exchanged(exchanges: Sequence[Exchange], names: Sequence[str], kind: FaultKind) -> list[LabelFault]:
-    """Return exchanges as faults; pairs that were exchanged in the same frames become one."""
+    """Return exchanges as faults; pairs that were exchanged in the same frames become one fault."""
     together: dict[tuple[int, int], list[int]] = {}
     for each in exchanges:
         together.setdefault((each.first, each.last), []).extend(each.markers)
@@ -188,7 +188,7 @@ def _missing(faulty: Mask, names: Sequence[str], kind: FaultKind) -> list[LabelF
 
 
 def _frozen(times_s: Array, points_m: Array, scale: SeamScale, nearest: Mask) -> Mask:
-    """Return a mask (F, M) of positions that stay the same although the motion before or after contradicts it."""
+    """Return a mask (F, M) of positions that stay the same although noise or the motion around them contradicts it."""
     steps = np.linalg.norm(np.diff(points_m, axis=0), axis=-1)
     still = steps <= np.maximum(_S.still_m, _S.still_sigmas * scale.usual)
     seen = np.isfinite(steps)
@@ -210,9 +210,9 @@ def _frozen(times_s: Array, points_m: Array, scale: SeamScale, nearest: Mask) ->
 
 
 def _evidence_of_steps(times_s: Array, points_m: Array, steps: Array) -> Array:
-    """Return the evidence (M,), nats, that a position was filled in, for each step of length 0.
+    """Return the evidence (M,), nats, that each step of length 0 gives that a marker's positions were filled in.
 
-    True positions have noise: the marker's lowest noise counts, if it is above the rounding of the take.
+    True positions have noise. Its lowest level is used, if that exceeds the take's rounding.
     """
     moved = steps[np.isfinite(steps) & (steps > _S.still_m)]
     rounding_m = max(float(moved.min()), _S.still_m) if len(moved) else np.inf
@@ -231,7 +231,7 @@ def _evidence_of_steps(times_s: Array, points_m: Array, steps: Array) -> Array:
 
 
 def _moved(points_m: Array, marker: int, others: Mask, first: int, last: int) -> bool:
-    """Return whether a marker is in another place before or after it is still, or the nearest ones move meanwhile."""
+    """Return whether a still marker was elsewhere before or is afterwards, or the nearest markers move meanwhile."""
     path, middle, beside = points_m[:, marker], (first + last + 1) // 2, _S.still_frames
     pairs = [
         (path[first + 1 : last + 1], outside)
@@ -249,12 +249,12 @@ def _contradicted(times_s: Array, path: Array, first: int, last: int, sigma_m: f
     """Return whether the motion before or after a still stretch of a path (F, 3) contradicts it.
 
     Args:
-        sigma_m: Usual standard deviation of its misses.
+        sigma_m: Typical standard deviation of the marker's misses.
     """
     evidence = jump_m = drift_m = 0.0
     come, go = np.arange(first + 1)[::-1], np.arange(last, len(path))
     for frames, end in ((come, first), (go, last)):
-        # a filled gap repeats the last true position, so the motion before leads through it
+        # a filled gap repeats the last true position, so that belongs to the motion before the gap
         rows = frames[np.isfinite(path[frames, 0])][: 3 + _S.beside][0 if end == first else 1 :]
         if len(rows) < 3:
             continue

@@ -19,7 +19,7 @@ _MOST_NAMES = 12  # most names listed in a message
 
 @dataclass(frozen=True)
 class _Names:
-    """File with names for a take's markers."""
+    """Contents of a file with names for a take's markers."""
 
     names: Annotated[Mapping[str, str], About("marker of each label", least=1)]
 
@@ -35,19 +35,19 @@ NAMES = Schema(
 
 @dataclass(frozen=True)
 class LabelMatch:
-    """Match of a marker set to the labels of a take."""
+    """Result of matching a marker set to the labels of a take."""
 
     marker_set: MarkerSet
     label_of: Mapping[str, str]  # marker's name -> label in the take
 
     @property
     def has_torso(self) -> bool:
-        """Whether there are enough torso markers to find the root."""
+        """Whether enough torso markers were matched to find the root."""
         torso = [marker.name for marker in self.marker_set.markers if marker.torso]
         return sum(name in self.label_of for name in torso) >= FEWEST_TORSO
 
     def rename(self, take: MarkerTake) -> MarkerTake:
-        """Replace labels by the markers' names; other labels are unchanged."""
+        """Return the take with matched labels replaced by the markers' names; other labels are unchanged."""
         marker_of = {label: marker for marker, label in self.label_of.items()}
         return replace(take, names=tuple(marker_of.get(name, name) for name in take.names))
 
@@ -63,7 +63,7 @@ def match_labels(labels: Sequence[str], marker_set: MarkerSet) -> LabelMatch:
         for spelling in (marker.name, *marker.also):
             known.setdefault(normalise_label(spelling), marker.name)
     found = {name: name for name in marker_set.names if name in labels}
-    # a word before an underscore that three labels share is a subject's name
+    # a word that precedes an underscore in three or more labels is a subject's name
     words = Counter(label.rpartition(":")[2].partition("_")[0] for label in labels if "_" in label)
     for label in labels:
         own = label.rpartition(":")[2]
@@ -76,7 +76,7 @@ def match_labels(labels: Sequence[str], marker_set: MarkerSet) -> LabelMatch:
 
 
 def normalise_label(name: str) -> str:
-    """Return the letters and digits of a name, in lower case."""
+    """Return the letters and digits of a name in lower case."""
     return "".join(c for c in name.casefold() if c.isalnum())
 
 
@@ -84,7 +84,7 @@ def match_best_set(labels: Sequence[str], where: str) -> LabelMatch:
     """Return the shipped marker set that matches most of the labels.
 
     Raises:
-        TakeError: No set has enough of its torso markers among the labels.
+        TakeError: For no set are there enough torso markers among the labels.
     """
     matches = [match_labels(labels, load_marker_set(name)) for name in marker_set_names()]
     matches = [match for match in matches if match.has_torso]
@@ -98,18 +98,18 @@ def match_best_set(labels: Sequence[str], where: str) -> LabelMatch:
 
 
 def choose_marker_set(name_or_path: str, labels: Sequence[str], where: str) -> MarkerSet:
-    """Return the named marker set; for AUTO, the best one for the labels."""
+    """Return the named marker set; for AUTO, the one that matches the labels best."""
     return match_best_set(labels, where).marker_set if name_or_path == AUTO else load_marker_set(name_or_path)
 
 
 def join_names(names: Sequence[str]) -> str:
-    """Return names for a message, shortening long lists."""
+    """Return names joined for a message; long lists are shortened."""
     left = len(names) - _MOST_NAMES
     return ", ".join(names[:_MOST_NAMES]) + (f" and {left} more" if left > 0 else "")
 
 
 def load_names(path: Path | str) -> dict[str, str]:
-    """Return label -> marker from a TOML file's table `[names]`.
+    """Return the marker's name for each label, from the table `[names]` of a TOML file.
 
     Raises:
         MarkerSetError: The table is missing, or it contains values that are not strings.

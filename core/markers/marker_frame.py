@@ -14,8 +14,8 @@ from ..geometry.camera import Camera, undistort_all
 class MarkerFrame:
     """N points, R rays and the blobs that C cameras show at one moment.
 
-    Labels are indices in the marker set if the source knows them, else -1. Without `detected`, `blobs` are as in the
-    images; `normalised` is empty until `undistort_blobs` computes it.
+    Labels are indices in the marker set if the source knows them, else -1. If `detected` is empty, `blobs` are as in
+    the images; `normalised` is empty until `undistort_blobs` computes it.
     """
 
     number: int

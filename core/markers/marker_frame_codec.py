@@ -1,4 +1,4 @@
-"""Marker frames as bytes, for the worker's messages and for takes."""
+"""Conversion of marker frames to bytes, for the worker's messages and for takes."""
 
 import math
 import struct
@@ -15,8 +15,8 @@ _MAGIC = b"PFMF"
 _VERSION, _OLDEST = 4, 3
 _HEADER = struct.Struct("<4sHHqdIIII")  # magic, version, cameras, number, time, points, rays, note bytes, body bytes
 _STAMP = struct.Struct("<d")
-_NOT_MOVED = 0xFFFFFFFF  # in place of a camera's number of detected blobs if they equal `blobs`
-_NOT_COMPUTED = 0xFFFFFFFF  # in place of the number of normalised coordinates if none are stored
+_NOT_MOVED = 0xFFFFFFFF  # replaces a camera's number of detected blobs if these equal `blobs`
+_NOT_COMPUTED = 0xFFFFFFFF  # replaces the number of normalised coordinates if none are stored
 
 
 def pack(frame: MarkerFrame) -> bytes:
@@ -68,7 +68,7 @@ def pack_stamped(stamp_s: float, frame: MarkerFrame) -> bytes:
 
 
 def unpack_stamped(data: bytes) -> tuple[float, MarkerFrame]:
-    """Return stamp and frame from the bytes of `pack_stamped`; errors are those of `unpack`."""
+    """Return time and frame from the bytes of `pack_stamped`; errors are those of `unpack`."""
     if len(data) < _STAMP.size:
         raise _cut_off()
     (stamp_s,) = _STAMP.unpack_from(data)

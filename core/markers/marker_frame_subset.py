@@ -36,7 +36,7 @@ def without_blobs(frame: MarkerFrame, taken: Sequence[IntArray]) -> MarkerFrame:
     kept = [np.ones(len(blobs), dtype=bool) for blobs in frame.blobs]
     for rows, left in zip(taken, kept, strict=True):
         left[rows] = False
-    # new index of each blob, -1 for removed ones; the additional last entry maps -1 to itself
+    # new index of each blob, -1 for removed blobs; the additional last entry maps -1 to itself
     places = [np.append(np.where(left, np.cumsum(left) - 1, -1), -1) for left in kept]
     point_blobs = np.stack([place[column] for place, column in zip(places, frame.point_blobs.T, strict=True)], axis=1)
     lost = np.any((frame.point_blobs >= 0) & (point_blobs < 0), axis=1)

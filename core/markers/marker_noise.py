@@ -10,23 +10,23 @@ import numpy as np
 
 from ..geometry.arrays import Array
 
-_POSITIONS = 5  # successive positions that are compared
+_POSITIONS = 5  # number of successive positions that are compared
 _MEDIAN_LENGTH = 1.538  # median of the chi distribution with 3 degrees of freedom
-_LATEST_S = 1.0  # period over which a live estimate is taken
-_FEWEST = 10  # comparisons needed for a marker's own estimate
+_LATEST_S = 1.0  # length of the period from which a live estimate is made
+_FEWEST = 10  # number of comparisons needed for a marker's own estimate
 
 
 class MarkerNoise:
-    """Estimates the noise of markers from the last second of a capture."""
+    """Estimates the noise of each marker from the last second of a capture."""
 
     def __init__(self) -> None:
         self._times_s: deque[float] = deque(maxlen=_POSITIONS)
         self._points_m: deque[Array] = deque(maxlen=_POSITIONS)
         self._known_s: deque[float] = deque()
-        self._differences: Array = np.empty((0, 0))  # one row for each of these times
+        self._differences: Array = np.empty((0, 0))  # one row (M,) for each of these times
 
     def step(self, time_s: float, points_m: Array) -> Array:
-        """Return the standard deviation (M,) of each marker's coordinates, metres.
+        """Add a frame; return the standard deviation (M,) of each marker's coordinates, metres.
 
         Args:
             points_m: Markers (M, 3), NaN where hidden.
@@ -48,16 +48,16 @@ class MarkerNoise:
 
 
 def marker_noise(times_s: Array, points_m: Array) -> Array:
-    """Return the noise (M,) of a take's markers (F, M, 3) at ascending times (F,)."""
+    """Return the standard deviation (M,) of the coordinates of a take's markers (F, M, 3) at ascending times (F,)."""
     starts = range(len(times_s) - _POSITIONS + 1)
     rows = [_differences(times_s[i : i + _POSITIONS], points_m[i : i + _POSITIONS]) for i in starts]
     return _sigmas(np.array(rows).reshape(-1, points_m.shape[1]))
 
 
 def _differences(times_s: Array, points_m: Array) -> Array:
-    """Return distances (M,) of markers from a cubic, scaled to the variance of one position.
+    """Return distances (M,) of markers from a cubic, scaled to have the variance of a single position.
 
-    They are Newton's divided differences, with weights that keep the variance of independent noise.
+    They are Newton's divided differences, with the weights normalised so that independent noise keeps its variance.
     """
     apart = times_s[:, None] - times_s
     apart.flat[:: len(apart) + 1] = 1.0
@@ -68,14 +68,14 @@ def _differences(times_s: Array, points_m: Array) -> Array:
 
 
 def _sigmas(differences: Array) -> Array:
-    """Return standard deviations (M,) from differences (N, M), NaN where unknown."""
+    """Return standard deviations (M,) of coordinates from differences (N, M), NaN where unknown."""
     ordered = np.sort(differences.T)  # NaNs come last
     frames = len(differences)
     if frames >= _FEWEST and not np.isnan(ordered[:, -1]).any():
         return np.asarray(0.5 * (ordered[:, (frames - 1) // 2] + ordered[:, frames // 2]) / _MEDIAN_LENGTH)
     counts = np.isfinite(differences).sum(axis=0)
     known = counts >= _FEWEST
-    if not known.any():  # soon after the start: one estimate for all markers
+    if not known.any():  # soon after the start, there is one estimate for all markers
         return np.full(len(counts), np.nanmedian(differences) / _MEDIAN_LENGTH if counts.sum() >= _FEWEST else 0.0)
     middle = np.maximum(counts - 1, 0)
     each = np.arange(len(counts))

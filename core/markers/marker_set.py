@@ -16,7 +16,7 @@ from ..system.assets import MARKER_SETS
 from ..system.files import is_file, read_toml
 from ..system.schema import About, Schema, Table
 
-_FARTHEST_M = 10.0  # largest distance of a marker from its joint; bones are not longer
+_FARTHEST_M = 10.0  # largest distance of a marker from its joint: no bone is longer
 FEWEST_TORSO = 3  # fewest markers that determine the root: three points fix a rigid body
 # joints from the torso outwards; for limbs, those of either side
 _TRUNK, _BESIDE = ("root", "lowerback", "upperback", "thorax"), ("clavicle", "lowerneck", "femur", "humerus")
@@ -48,7 +48,7 @@ class Marker:
 
 @dataclass(frozen=True)
 class MarkerSet:
-    """Markers worn together, in a fixed order."""
+    """Set of markers worn together, in a fixed order."""
 
     name: Annotated[str, About("name of the set; by default the file's", optional=True)]
     markers: Annotated[tuple[Marker, ...], About("the markers, in order", key="marker")]
@@ -125,11 +125,11 @@ class MarkerSet:
         return replace(self, markers=tuple(markers))
 
     def subset(self, names: Sequence[str]) -> "MarkerSet":
-        """Return the set without the markers that are not in `names`."""
+        """Return the set with only the markers in `names`."""
         return replace(self, markers=tuple(marker for marker in self.markers if marker.name in names))
 
     def worn(self, names: Sequence[str]) -> "MarkerSet":
-        """Return the set without the markers that are not in `names`, however few are on the torso.
+        """Return the set with only the markers in `names`, however few of these are on the torso.
 
         If fewer than three torso markers are left, markers on the bones next to the torso help to find the root.
 
@@ -147,7 +147,7 @@ class MarkerSet:
 
 
 def _torso_rank(joint: str) -> int:
-    """Return how many kinds of joints are closer to the torso than this one."""
+    """Return the rank of a joint in the order from the torso outwards, 0 for the closest."""
     near = [rank for rank, name in enumerate(_NEAR_TORSO) if joint in (name, "l" + name, "r" + name)]
     return near[0] if near else len(_NEAR_TORSO)
 

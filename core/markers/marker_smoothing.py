@@ -1,9 +1,9 @@
 """Zero-lag smoothing of markers according to their noise.
 
-Lasting errors, like those of keypoints, remain in the positions and are included in their standard deviations. Each
-marker passes a multiple-model filter for a body at rest, moving or striking (`MultipleModelFilter`). Exact markers are
-unchanged. A marker that is hidden for a moment is extrapolated, with a growing standard deviation. Live, markers that
-jump are doubted (`JumpGate`).
+Each marker passes a filter with several models, for a marker at rest, moving or striking (`MultipleModelFilter`).
+Lasting errors, like those of keypoints, remain in the positions and are included in their standard deviations. Exact
+markers are unchanged. A marker that is hidden for a moment is extrapolated, with a growing standard deviation. Live,
+markers that jump are doubted (`JumpGate`).
 """
 
 from typing import NamedTuple
@@ -17,15 +17,15 @@ from .marker_noise import MarkerNoise, marker_noise
 from .source_noise import SourceNoise
 
 _MODELS = MotionModels(
-    changes=(0.01e-3, 0.1e-3, 1e-3),  # marker at rest, moving, striking; m
-    least_sigma=0.2e-3,  # skin and optics
+    changes=(0.01e-3, 0.1e-3, 1e-3),  # of a marker at rest, moving, striking; m
+    least_sigma=0.2e-3,  # due to skin motion and optics
     jump=0.05,
     first_speed=2.0,
     first_acceleration=20.0,
 )
 _UNKNOWN_SIGMA_M = 1e-3  # noise assumed in the first frames
-# Factor for the filters' expected error of hidden markers (1.2 to 1.8 on development takes, with noise and without),
-# and the largest standard deviation with which a hidden marker is used.
+# Factor by which the filters underestimate the error of hidden markers (1.2 to 1.8 on development takes, with noise and
+# without), and the largest standard deviation with which a hidden marker is used.
 _SUDDEN, _KNOWN_M = 1.75, 0.09
 
 
@@ -34,7 +34,7 @@ class SmoothedMarkers(NamedTuple):
 
     points_m: Array  # (M, 3) smoothed, NaN where unknown
     deviations_m: Array  # (M,) standard deviations of their coordinates
-    believed: Gated  # measured markers that are believed
+    believed: Gated  # measured markers after the gate
 
 
 class MarkerSmoother:
@@ -57,7 +57,7 @@ class MarkerSmoother:
 
         Args:
             points_m: Markers (M, 3), NaN where hidden; hidden ones are extrapolated for a moment only.
-            carried: Prediction from the body so far; with it, markers pass a `JumpGate`, without it, all are believed.
+            carried: Prediction from the body so far; with it, markers pass a `JumpGate`; without it, all are used.
         """
         elapsed_s, self._time_s = time_s - self._time_s, time_s
         self._follower.predict(time_s)
@@ -102,9 +102,9 @@ def smooth_markers(times_s: Array, points_m: Array, source: SourceNoise) -> tupl
 
 
 def _observe(follower: MultipleModelFilter, points_m: Array, noise_m: Array) -> Mask:
-    """Correct the prediction; return a mask (M,) of markers that continue their motion.
+    """Correct a filter's prediction; return a mask (M,) of the markers that continue their motion.
 
-    After a cut, hidden markers do not continue theirs.
+    If any marker has jumped, hidden markers are assumed not to continue theirs.
     """
     followed, located = follower.followed, np.isfinite(points_m[:, 0])
     continued = follower.observe(points_m, noise_m)
@@ -115,7 +115,7 @@ def _observe(follower: MultipleModelFilter, points_m: Array, noise_m: Array) -> 
 
 
 def _known(points_m: Array, means_m: Array, deviations_m: Array, goes_on: Mask) -> tuple[Array, Array]:
-    """Return means and deviations of located markers and of hidden ones that are still known well."""
+    """Return means, NaN for hidden markers that are no longer known well, and deviations."""
     located = np.isfinite(points_m[:, 0])
     deviations_m = np.where(located, 1.0, _SUDDEN) * deviations_m
     known = located | (goes_on & (deviations_m < _KNOWN_M))

@@ -24,13 +24,13 @@ class SingleViews:
     """Markers seen by only one camera: rays without positions."""
 
     rig: CameraRig  # cameras in the take's world
-    cameras: IntArray  # (F, M) camera that shows a marker which the take does not locate, else -1
+    cameras: IntArray  # (F, M) camera that alone shows a marker, else -1
     points: Array  # (F, M, 2) undistorted normalised coordinates in that camera, NaN elsewhere
 
     def select(
         self, frames: slice | IntArray = slice(None), markers: Sequence[int] | slice = slice(None)
     ) -> "SingleViews":
-        """Return some of the frames and markers, in the given order."""
+        """Return the given frames and markers, in the given order."""
         return SingleViews(self.rig, self.cameras[frames][:, markers], self.points[frames][:, markers])
 
 
@@ -47,10 +47,10 @@ class MarkerTake:
     positions_m: Array  # (F, M, 3) in the world, NaN where a marker was not located
     frame_numbers: IntArray = field(default_factory=lambda: np.empty(0, dtype=np.int64))
     times_s: Array = field(default_factory=lambda: np.empty(0))
-    single: SingleViews | None = None  # markers that single cameras saw, if known
+    single: SingleViews | None = None  # markers seen by only one camera, if known
     notes: tuple[str, ...] = ()  # messages from the reader
-    is_guessed: bool = False  # its labels were recognised from the motion, and not all of them clearly
-    is_trusted: bool = False  # its labels are to be used as they are, even where they contradict the motion
+    is_guessed: bool = False  # the labels were recognised from the motion, not all of them clearly
+    is_trusted: bool = False  # the labels are to be used as they are, even where they contradict the motion
     is_upright: bool = False  # y is known to point up; files keep their own axes until they are imported
     cut_off_frames: int = 0  # frames that the file's header declares but the file lacks
 

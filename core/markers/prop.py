@@ -1,6 +1,6 @@
 """Props: rigid objects with markers of their own (sword, stick, camera).
 
-Cameras recognise a prop by the distances between its markers, so its pattern must not fit itself in another position.
+Cameras recognise a prop by the distances between its markers, so its pattern must not fit itself in another pose.
 """
 
 from collections.abc import Sequence
@@ -23,7 +23,7 @@ MOST_MARKERS = 12
 
 @dataclass(frozen=True)
 class _PropMarker:
-    """A prop's marker as defined in a file."""
+    """One marker of a prop, as stored in a prop file."""
 
     name: Annotated[str, About("unique in the prop")]
     position_m: Annotated[Array, About("in the prop's own frame, y along it", "m", -10.0, 10.0, shape=(3,))]
@@ -31,7 +31,7 @@ class _PropMarker:
 
 @dataclass(frozen=True)
 class _PropFile:
-    """Definition of a prop as in a file."""
+    """Definition of a prop, as stored in a file."""
 
     name: Annotated[str, About("name of the prop")]
     marker: Annotated[tuple[_PropMarker, ...], About("its markers")]
@@ -51,12 +51,12 @@ PROP = Schema(
 
 @dataclass(frozen=True)
 class PatternRules:
-    """Requirements on a prop's marker pattern so that cameras can find its pose."""
+    """Requirements that a prop's marker pattern must meet so that cameras can find its pose."""
 
     planarity_m: float = 0.01  # RMS distance from the nearest line below which the roll is unknown
-    apart_m: float = 0.02  # distance below which two markers become one blob
-    alike_m: float = 0.008  # RMS distance below which two positions of the pattern are confused
-    alike_span_m: float = 0.02  # tolerance of distances in the search for such positions
+    apart_m: float = 0.02  # distance below which two markers look like one blob
+    alike_m: float = 0.008  # RMS distance between two poses of the pattern below which they are confused
+    alike_span_m: float = 0.02  # tolerance of distances in the search for such poses
 
 
 RULES = PatternRules()
@@ -67,14 +67,14 @@ class Prop:
     """A rigid object with M markers.
 
     Raises:
-        PropError: Too few or too many markers, on a line, too close to each other, or in a pattern that fits itself
-            in another position; the message says which.
+        PropError: There are too few or too many markers, or they are on a line, too close to each other, or in a
+            pattern that fits itself in another pose; the message says which.
     """
 
     name: str
     names: tuple[str, ...]  # unique
     positions_m: Array  # (M, 3) in the prop's own frame, in which it stands upright: y along it
-    residual_m: float = 0.0  # RMS distance between observed and rigid markers during calibration
+    residual_m: float = 0.0  # RMS distance between observed and rigid markers in the calibration
 
     def __post_init__(self) -> None:
         places = np.asarray(self.positions_m, dtype=np.float64)
@@ -157,7 +157,7 @@ def load_prop(name_or_path: str | Path) -> Prop:
 
 
 def prop_from(table: Table, where: str) -> Prop:
-    """Return the prop from a definition's tables; PropError for another version."""
+    """Return the prop from the tables of its definition; PropError if these are of another version."""
     return _prop(PROP.read(table, where), where)
 
 

@@ -9,17 +9,18 @@ from .marker_set import PointKind
 class SourceNoise:
     """Expected errors of the points of one kind of source, per coordinate."""
 
-    most_fast_m: float  # largest frame-to-frame noise that is smoothed; more is sudden motion at a low rate
-    lasting_m: float  # standard deviation of errors that last many frames, so smoothing cannot remove them
-    calm_hz: float  # highest cut-off for poses of recorded takes, above which there is only noise
-    calmest_hz: float  # lowest cut-off, for motion without anything faster
-    calmed_m: float  # largest RMS change of a joint by a lower cut-off, hidden by lasting errors
+    most_fast_m: float  # largest noise between frames that is smoothed; a larger one is sudden motion at a low rate
+    lasting_m: float  # standard deviation of errors that last for many frames, so that smoothing cannot remove them
+    calm_hz: float  # highest cut-off for poses of recorded takes; above it there is only noise
+    calmest_hz: float  # lowest cut-off, for slow motion
+    calmed_m: float  # largest RMS change of a joint by a lower cut-off, less than lasting errors
 
 
 _NOISES = {
     PointKind.MARKERS: SourceNoise(most_fast_m=0.004, lasting_m=0.0, calm_hz=16.0, calmest_hz=16.0, calmed_m=0.0),
     # Networks locate points with errors of 20 to 30 mm that last 0.2 to 0.5 s, and 4 to 8 mm between frames. Standard
-    # deviations as large would let the database outvote motion that it lacks (chosen on CMU's 07_01, 14_08 and 49_10).
+    # deviations of that size would let the database override motion that it lacks (chosen on CMU's 07_01, 14_08 and
+    # 49_10).
     PointKind.KEYPOINTS: SourceNoise(most_fast_m=0.015, lasting_m=0.012, calm_hz=4.0, calmest_hz=2.5, calmed_m=0.005),
 }
 

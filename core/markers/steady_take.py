@@ -10,7 +10,7 @@ from .marker_take import MarkerTake
 
 
 def take_clock(take: MarkerTake) -> Clock:
-    """Return the clock of a take's frames; if all have the same time, frame numbers and nominal rate determine it."""
+    """Return the clock of a take's frames; if all times are equal, it follows from frame numbers and nominal rate."""
     clock = clock_of(take.times_s, take.fps, take.frame_numbers)
     if len(clock.rows) > 1 or take.frames == 1:
         return clock
@@ -18,7 +18,7 @@ def take_clock(take: MarkerTake) -> Clock:
 
 
 def frame_times(take: MarkerTake) -> Array:
-    """Return ascending times (F,) of all frames, s; frames without a time of their own lie between their neighbours."""
+    """Return ascending times (F,) of all frames, s; a frame without a time gets one between its neighbours'."""
     clock = take_clock(take)
     rows, times_s = clock.rows, clock.times_s
     between = np.interp(np.arange(take.frames), rows, times_s)
@@ -27,10 +27,10 @@ def frame_times(take: MarkerTake) -> Array:
 
 
 def steady_take(take: MarkerTake) -> MarkerTake:
-    """Return the take at a steady rate, for files that state one; unchanged if it is steady already.
+    """Return the take at a steady rate, for formats that state a rate; a take with a steady rate is unchanged.
 
-    Positions are interpolated by their times. They are NaN in frames lost at a steady rate, between frames that are
-    far apart, and next to frames in which the marker is hidden. Markers that single cameras saw are left out.
+    Positions are interpolated by their times. They are NaN where frames of a steady rate were lost, between frames that
+    are far apart, and next to frames in which the marker is hidden. Markers that single cameras saw are left out.
     """
     clock = take_clock(take)
     if clock.is_whole and clock.fps == take.fps and np.all(np.diff(take.frame_numbers) == 1):

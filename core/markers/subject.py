@@ -14,12 +14,12 @@ from ..system.files import read_toml, reading, write_toml
 from ..system.schema import About, Schema, Table, Via, table_of
 from .marker_set import MarkerSet
 
-_LONGEST_M = 10.0  # largest length of bones, and distance of markers
+_LONGEST_M = 10.0  # largest length of a bone, and largest distance of a marker from its joint
 
 
 @dataclass(frozen=True)
 class _Joint:
-    """A skeleton's joint as in a file."""
+    """One joint of the skeleton, as stored in a subject file."""
 
     name: Annotated[str, About("unique in the skeleton")]
     parent: Annotated[str, About("an earlier joint; empty for the root")]
@@ -86,7 +86,7 @@ class Subject:
         _ = self.marker_set.offsets_m
 
     def wearing(self, marker_set: MarkerSet) -> "Subject":
-        """Return the subject with a set's markers; SubjectError if one is not calibrated."""
+        """Return the subject wearing a set's markers; SubjectError if one of them is not calibrated."""
         unknown = [each.text or each.name for each in marker_set.markers if each.name not in self.marker_set.names]
         if not unknown:
             return replace(self, marker_set=self.marker_set.subset(marker_set.names))
@@ -124,10 +124,10 @@ def load_subject(path: str | Path) -> Subject:
 
 
 def subject_from(table: Table, where: str) -> Subject:
-    """Return the subject from a file's tables; SubjectError for another version."""
+    """Return the subject from a file's tables; SubjectError if these are of another version."""
     worn = table.get("marker_set")
     if isinstance(worn, Mapping):
         table = {**table, "marker_set": {"name": Path(where).stem, **worn}}
-    # a joint's parent may not exist, or an axis may not be a rotation
+    # the file may name a parent that does not exist, or an axis that is not a rotation
     with reading(where, SubjectError, SUBJECT.advice):
         return SUBJECT.read(table, where)

@@ -11,7 +11,7 @@ from .marker_frame import MarkerFrame
 from .marker_set import FEWEST_TORSO, MarkerSet
 from .marker_take import MarkerTake
 
-SIGMA_M = 0.001  # standard deviation of positions without a stated one
+SIGMA_M = 0.001  # standard deviation of positions for which none is stated
 
 
 def take_frames(take: MarkerTake, marker_set: MarkerSet) -> Iterator[MarkerFrame]:
@@ -50,7 +50,7 @@ def check_torso(take: MarkerTake, marker_set: MarkerSet) -> None:
 
 
 def is_unnamed(take: MarkerTake) -> bool:
-    """Return whether a take comes from one camera and its trajectories are not labelled yet."""
+    """Return whether a take is from a single camera, so that its trajectories are not labelled yet."""
     return take.single is not None and len(take.single.rig) == 1
 
 

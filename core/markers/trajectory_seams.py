@@ -2,8 +2,8 @@
 
 A seam is the moment between two successive positions. The trajectory is extrapolated to it along a straight line, from
 the two positions before and from the two after. The distance between the two results is the miss, which is zero while
-a marker accelerates steadily. It is compared with the trajectory's usual misses across gaps of the same length, around
-the same time.
+the acceleration is constant. It is compared with the trajectory's typical misses across gaps of the same length, and
+with misses around the same time.
 """
 
 from dataclasses import dataclass
@@ -13,23 +13,23 @@ import numpy as np
 from ..geometry.arrays import Array, IntArray
 
 MEDIAN_LENGTH = 1.538  # median of the chi distribution with 3 degrees of freedom
-_FEWEST = 10  # seams needed for an estimate
+_FEWEST = 10  # number of seams needed for an estimate
 
 
 @dataclass(frozen=True)
 class SeamSettings:
-    """Misses in true trajectories; chosen on the CMU subjects 05, 14, 16, 127, 135."""
+    """Settings for misses, chosen on true trajectories of the CMU subjects 05, 14, 16, 127 and 135."""
 
-    least_m: float = 0.3e-3  # smallest standard deviation of a coordinate, from rounding and skin
+    least_m: float = 0.3e-3  # smallest standard deviation of a coordinate, due to rounding and skin motion
     beside: int = 8  # number of seams on either side that show how sudden the motion is there
-    gaps: tuple[int, ...] = (1, 2, 4, 8, 16, 32, 64)  # steps across a seam for which the misses are measured
+    gaps: tuple[int, ...] = (1, 2, 4, 8, 16, 32, 64)  # steps across a seam, in frames, for which misses are measured
 
 
 _S = SeamSettings()
 
 
 def before(times_s: Array, points_m: Array) -> Array:
-    """Return positions (N - 1, 3) at the seams of N positions, extrapolated from before; NaN at the first."""
+    """Return positions (N - 1, 3) at the seams of N positions, extrapolated from those before; NaN at the first."""
     middle_s = 0.5 * (times_s[1:] + times_s[:-1])
     found = np.full((len(times_s) - 1, 3), np.nan)
     share = (middle_s[1:] - times_s[1:-1]) / (times_s[1:-1] - times_s[:-2])
@@ -38,7 +38,7 @@ def before(times_s: Array, points_m: Array) -> Array:
 
 
 def after(times_s: Array, points_m: Array) -> Array:
-    """Return positions (N - 1, 3) at the seams of N positions, extrapolated from after; NaN at the last."""
+    """Return positions (N - 1, 3) at the seams of N positions, extrapolated from those after; NaN at the last."""
     return before(-times_s[::-1], points_m[::-1])[::-1]
 
 
@@ -80,12 +80,12 @@ class SeamScale:
         return self._at_gap[:, 0]
 
     def over(self, marker: int, elapsed_s: Array) -> Array:
-        """Return the standard deviations of misses across gaps of given durations."""
+        """Return the standard deviations of a marker's misses across gaps of given durations."""
         gaps = np.log(np.maximum(elapsed_s / self._step_s, 1.0))
         return np.asarray(np.exp(np.interp(gaps, np.log(_S.gaps), np.log(self._at_gap[marker]))))
 
     def _complete(self) -> None:
-        """Fill unknown entries from the other markers or from shorter gaps; longer gaps never have smaller misses."""
+        """Fill unknown entries from other markers or shorter gaps, and make misses grow with the length of the gap."""
         for column in range(len(_S.gaps)):
             known = np.isfinite(self._at_gap[:, column])
             usual = np.median(self._at_gap[known, column]) if known.any() else np.nan
@@ -94,7 +94,7 @@ class SeamScale:
         self._at_gap = np.fmax.accumulate(self._at_gap, axis=1)
 
     def ratios(self, marker: int, times_s: Array, misses_m: Array) -> Array:
-        """Return the misses (N - 1,) at the seams of positions at times (N,), relative to the usual ones."""
+        """Return the misses (N - 1,) at the seams of positions at times (N,), relative to typical misses."""
         return np.asarray(misses_m / self.over(marker, np.diff(times_s)))
 
     def torn(self, marker: int, times_s: Array, misses_m: Array, least_m: float, sigmas: float) -> IntArray:
@@ -105,9 +105,9 @@ class SeamScale:
 
 
 def sudden(ratios: Array, at: IntArray) -> Array:
-    """Return the factors (K,) by which the misses around some seams exceed the usual ones; 1 if they do not.
+    """Return the factors (K,) by which misses around the seams `at` (K,) exceed typical ones; 1 if they do not.
 
-    Larger misses for a while show sudden motion, so the median of the misses there counts.
+    Misses that are larger for a while show sudden motion, so the median of the misses around a seam is used.
 
     Args:
         ratios: `SeamScale.ratios` of a trajectory.

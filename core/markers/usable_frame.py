@@ -15,7 +15,7 @@ from .marker_frame_subset import without_blobs, without_points, without_rays
 class FrameLimits:
     """Limits for the contents of a marker frame."""
 
-    longest_step_s: float = 1.0  # time between two frames above which the session restarts
+    longest_step_s: float = 1.0  # time between two frames above which times have jumped
     agreeing: int = 3  # successive frames that confirm a jump in time
     latest_s: float = 1e12
     far_m: float = 500.0  # distance from the world's origin at which no marker can be seen
@@ -81,7 +81,7 @@ def _within(rows: Array | FloatArray, limit: float) -> Mask:
 
 
 def _possible_points(frame: MarkerFrame, markers: int) -> Mask:
-    """Return a mask (N,) of near points with existing blobs and labels."""
+    """Return a mask (N,) of points that are not too far away and whose blobs and labels exist."""
     possible = _within(frame.points_m, _S.far_m) & _within(frame.covariances_m2.reshape(-1, 9), _S.far_m**2)
     possible &= np.logical_and.reduce(frame.covariances_m2.diagonal(axis1=1, axis2=2) > 0.0, axis=1)
     for column, rows in zip(frame.point_blobs.T, frame.blobs, strict=True):
@@ -90,10 +90,10 @@ def _possible_points(frame: MarkerFrame, markers: int) -> Mask:
 
 
 def _possible_rays(frame: MarkerFrame, markers: int, cameras: int) -> Mask:
-    """Return a mask (R,) of possible rays with existing cameras, blobs and labels."""
+    """Return a mask (R,) of rays in a possible direction whose cameras, blobs and labels exist."""
     if not len(frame.single_cameras):
         return np.ones(0, dtype=bool)
-    counts = [len(rows) for rows in frame.blobs]  # empty without images: any blob may exist
+    counts = [len(rows) for rows in frame.blobs]  # empty without images; then any blob may exist
     most = cameras or len(counts) or math.inf
     known = [
         0 <= camera < most and blob >= -1 and (not counts or (camera < len(counts) and blob < counts[camera]))
@@ -104,6 +104,6 @@ def _possible_rays(frame: MarkerFrame, markers: int, cameras: int) -> Mask:
 
 
 def _possible_labels(labels: IntArray, markers: int) -> Mask:
-    """Return a mask (N,) of labels that are -1 or the only label of an existing marker."""
+    """Return a mask (N,) of labels that are -1, or an existing marker that no other point has as its label."""
     counts = Counter(labels.tolist())
     return np.array([n == -1 or (0 <= n < markers and counts[n] == 1) for n in labels.tolist()], dtype=bool)

@@ -1,8 +1,8 @@
-"""Wild points: positions away from a motion that continues as if they did not exist.
+"""Detection of wild points: positions far from a motion that continues as if they did not exist.
 
-In both directions of time, the markers pass the gate of live captures (`JumpGate`), which doubts sudden positions. A
-doubted position is wild if the motion before it and the motion after it meet without it, far from it. After an impact
-they do not meet. The search is repeated, because without the points found the motion of their neighbours is clearer.
+Markers pass the gate of live captures (`JumpGate`), which doubts sudden jumps, in both directions of time. A doubted
+position is wild if the motions before and after it, continued without it, meet far from it. At an impact they do not
+meet. The search is repeated, because the motion of a wild point's neighbours is clearer once the point is left out.
 """
 
 from dataclasses import dataclass
@@ -20,23 +20,23 @@ from .source_noise import SourceNoise
 class WildPointSettings:
     """Settings of `find_wild_points`, chosen on 65 takes of CMU and Bandai (see the tuning log)."""
 
-    least_m: float = 0.05  # smallest distance of a wild point from the path between its neighbours
-    bridge: float = 0.4  # largest gap between the motions before and after it, as a share of its distance
-    sudden: float = 6.0  # smallest distance as a multiple of the median gap between such motions nearby
-    beside: int = 3  # number of positions on either side that are nearby
-    # median distance of the bone's other markers from their paths, as a share of its own, if the body itself jumps
+    least_m: float = 0.05  # smallest distance of a wild point from the curve through its neighbours
+    bridge: float = 0.4  # largest distance between the motions before and after it, as a share of its own
+    sudden: float = 6.0  # smallest distance, relative to the median distance between such motions nearby
+    beside: int = 3  # number of positions on either side that are compared
+    # median distance of the bone's other markers from such curves, relative to the point's, above which the body jumps
     together: float = 0.5
-    longest_s: float = 0.15  # longest time between the positions before and after it that can be bridged
+    longest_s: float = 0.15  # longest time between the positions before and after a wild point
     rounds: int = 4  # number of searches
 
 
 _S = WildPointSettings()
-# At a low frame rate, fast limbs jump far. Live, this is believed; here, the motion afterwards decides.
+# At a low frame rate, fast limbs jump far. Live, such jumps are accepted; here, the motion afterwards decides.
 _ANY_JUMP = JumpSettings(jerk_m_s3=0.0)
 
 
 def find_wild_points(times_s: Array, points_m: Array, source: SourceNoise, nearest: Mask) -> Mask:
-    """Return a mask (F, M) of positions away from a motion that goes on without them.
+    """Return a mask (F, M) of wild points.
 
     Args:
         times_s: Ascending times (F,).
@@ -59,7 +59,7 @@ def find_wild_points(times_s: Array, points_m: Array, source: SourceNoise, neare
 
 
 def _doubted(times_s: Array, points_m: Array, source: SourceNoise) -> Mask:
-    """Return a mask (F, M) of positions that one direction of time doubts and the other does not explain."""
+    """Return a mask (F, M) of positions that are doubted in one direction of time and not explained in the other."""
     (before, explained), (after, explains) = (_gated(times_s, points_m, source, way) for way in (1, -1))
     doubted = (before & ~explains) | (after & ~explained)
     known = explained | explains | ~np.isfinite(points_m[..., 0])
@@ -72,7 +72,7 @@ def _doubted(times_s: Array, points_m: Array, source: SourceNoise) -> Mask:
 
 
 def _gated(times_s: Array, points_m: Array, source: SourceNoise, way: int) -> tuple[Mask, Mask]:
-    """Return masks (F, M) of positions that are doubted, and explained, in a direction of time, 1 or -1."""
+    """Return masks (F, M) of the doubted and of the explained positions in a direction of time, 1 or -1."""
     smoother = MarkerSmoother(points_m.shape[1], source, _ANY_JUMP)
     alone = Carried(np.full(points_m.shape[1:], np.nan), fits=False)
     doubted, explained = np.zeros((2, *points_m.shape[:2]), dtype=bool)
@@ -83,18 +83,18 @@ def _gated(times_s: Array, points_m: Array, source: SourceNoise, way: int) -> tu
 
 
 def _is_apart(times_s: Array, path: Array, beside: Array, rows: IntArray, kept: IntArray) -> Mask:
-    """Return which positions (K,) of one marker are away from its motion without them.
+    """Return which positions (K,) of one marker are far from the motion of its other positions.
 
     Args:
-        path: Its positions (F, 3).
+        path: Positions (F, 3) of the marker.
         beside: Positions (F, N, 3) of the markers on the same bone.
         rows: Frames (K,) of the doubted positions.
-        kept: Frames of its other positions.
+        kept: Frames of the marker's other positions.
     """
     apart = np.zeros(len(rows), dtype=bool)
     usual_m = _misses(times_s[kept], path[kept])
     for index, (row, later) in enumerate(zip(rows, np.searchsorted(kept, rows).tolist(), strict=True)):
-        # at an end of the take nothing shows how the motion goes on
+        # near an end of the take, it is unknown how the motion goes on
         if not 2 <= later <= len(kept) - 2 or times_s[kept[later]] - times_s[kept[later - 1]] > _S.longest_s:
             continue
         around = kept[later - 2 : later + 2]
@@ -111,7 +111,7 @@ def _is_apart(times_s: Array, path: Array, beside: Array, rows: IntArray, kept: 
 
 
 def _away(times_s: Array, points_m: Array, row: int, around: IntArray) -> Array:
-    """Return the distances (N,) of a frame's points (F, N, 3) from cubics through four frames around it."""
+    """Return the distances (N,) of markers (F, N, 3) in a frame from cubics through four frames around it."""
     known_s, at_s = times_s[around], times_s[row]
     others = [np.delete(known_s, i) for i in range(len(around))]
     weights = [np.prod((at_s - other_s) / (own_s - other_s)) for own_s, other_s in zip(known_s, others, strict=True)]
@@ -119,7 +119,7 @@ def _away(times_s: Array, points_m: Array, row: int, around: IntArray) -> Array:
 
 
 def _misses(times_s: Array, path: Array) -> Array:
-    """Return the distances (N - 3,), halfway, between the motion through two positions and that of the next two."""
+    """Return the distances (N - 3,) at seams between extrapolations from the two positions before and after."""
     velocities = np.diff(path, axis=0) / np.diff(times_s)[:, None]
     half_s = 0.5 * np.diff(times_s)[1:-1, None]
     return np.asarray(np.linalg.norm(path[1:-2] + half_s * (velocities[:-2] + velocities[2:]) - path[2:-1], axis=1))

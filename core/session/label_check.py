@@ -249,7 +249,7 @@ class LabelCheck:
         self._contradicting = contradicting | (self._contradicting & (self._evidence.keys() - gains.keys()))
 
     def _renaming(self, labels: IntArray, points_m: Array) -> Renaming:
-        """Return which marker now has each marker's alternative point; -1 for no point, `_NEW` if it is unlabelled."""
+        """Return which marker now has the point that labels give to each; -1 for no point, `_NEW` if unlabelled."""
         other = np.full(self._current_m.shape, np.nan)
         other[labels[labels >= 0]] = points_m[labels >= 0]
         near = np.linalg.norm(other[:, None] - self._current_m[None], axis=-1) < _SAME_M
@@ -259,7 +259,7 @@ class LabelCheck:
         return tuple(np.where(hidden, np.arange(len(names)), names).tolist())
 
     def _moved_m(self, search: LabelSearch, labels: IntArray) -> float:
-        """Return the RMS distance by which other labels (N,) move the markers that both locate, else infinity."""
+        """Return the RMS distance by which labels (N,) move the markers that both locate; infinity without any."""
         other = np.full(self._current_m.shape, np.nan)
         other[labels[labels >= 0]] = search.points_m[labels >= 0]
         squares = np.sum((other - self._current_m) ** 2, axis=1)

@@ -102,7 +102,7 @@ class MultiTargetSession:
         return [replace(pose, performers=performers) for pose, performers in rows]
 
     def _usable(self, frame: MarkerFrame) -> MarkerFrame | None:
-        """Return a frame without impossible contents, None if its time is impossible; start over if times jumped."""
+        """Return the frame without impossible contents, None if its time is impossible; restart if times jumped."""
         if not self._times.admit(frame.time_s):
             return None
         if self._times.jumped:
