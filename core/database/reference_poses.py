@@ -31,7 +31,7 @@ class ReferencePoseSettings:
     mean_samples: int = 20_000  # frames used for the mean rotations
     clip_samples: int = 60  # frames of each clip used for its median
     farthest_rad: float = 1.0  # cap on a clip's distance from its subject's median: recordings have flipped joints
-    impossible_rad: float = np.radians(100.0)  # rotation above which a limb's end joint must be flipped
+    impossible_rad: float = np.radians(100.0)  # rotation above which a limb's end joint is certainly flipped
     median_steps: int = 30  # largest number of steps of Weiszfeld's algorithm
     least_rad: float = 0.01  # smallest distance that the algorithm divides by
     settled_rad: float = 1e-7  # the algorithm stops when the remaining steps cannot move a median by more

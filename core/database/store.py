@@ -158,9 +158,8 @@ def pose_from_rotations(rotations: Any, mean_rotations: Array) -> Array:
     rows = np.ascontiguousarray(np.moveaxis(local.reshape(-1, *local.shape[-2:]), 0, -1))  # shape (J - 1, 4, F)
     turned = rot.left_matrices(rot.conjugate(mean_rotations[1:])) @ rows
     w, vectors = turned[:, 0], turned[:, 1:]
-    sines = np.maximum(
-        np.sqrt(vectors[:, 0] ** 2 + vectors[:, 1] ** 2 + vectors[:, 2] ** 2), 1e-150
-    )  # avoids a division by zero
+    # the bound avoids a division by zero
+    sines = np.maximum(np.sqrt(vectors[:, 0] ** 2 + vectors[:, 1] ** 2 + vectors[:, 2] ** 2), 1e-150)
     vectors *= np.copysign(2.0 * np.arctan2(sines, np.abs(w)) / sines, w)[:, None]
     return np.moveaxis(vectors, -1, 0).reshape(*local.shape[:-1], 3)
 
@@ -236,7 +235,7 @@ def _write_file(stream: BinaryIO, facts: dict[str, Any], arrays: Mapping[str, ND
 
 
 def open_database(path: str | Path) -> Database:
-    """Return a file's database, with memory-mapped arrays; DatabaseError if the file is truncated or no database."""
+    """Return a file's database, with memory-mapped arrays; DatabaseError if the file is truncated or not a database."""
     path = Path(path)
     with open_foreign(path, DatabaseError) as stream, reading(path, DatabaseError, REBUILD):
         header, arrays = _map_arrays(path, stream)

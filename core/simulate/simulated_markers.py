@@ -14,7 +14,7 @@ from ..markers.subject import Subject
 def simulate_markers(
     motion: Motion, markers: MarkerSet | Subject, noise_mm: float = 0.0, dropout: float = 0.0, seed: int = 0
 ) -> tuple[MarkerTake, Motion]:
-    """Return the marker take that an ideal system would record, with added noise and gaps, and the motion.
+    """Return a take of a motion's true markers with added noise and gaps, and that motion.
 
     Args:
         motion: Motion of a skeleton with the joints that carry the markers.

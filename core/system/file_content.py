@@ -119,9 +119,9 @@ def _wide_encoding(data: bytes) -> str:
 
 
 def utf8_text(data: bytes, where: str, expected: str) -> bytes:
-    """Return a text file's bytes in an encoding that contains ASCII, without byte order mark; errors as `decode_text`.
+    """Return a text file's bytes in an encoding that contains ASCII, without byte order mark.
 
-    Only UTF-16 and UTF-32 are decoded, which saves time with long files.
+    Errors are those of `decode_text`. Only UTF-16 and UTF-32 are decoded, which saves time with long files.
     """
     check_kind(data, where, expected)
     encoding = _wide_encoding(data)

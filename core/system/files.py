@@ -62,7 +62,8 @@ def _replacing(target: Path) -> Iterator[Path]:
     """Yield a temporary path next to `target`; on success flush it to the disk and rename it."""
     with writing(target):
         start, end = f".{target.stem}.", target.suffix
-        if not end and target.name.startswith("."):  # ".glb": writers need the extension, or append theirs
+        # a target named ".glb", say: writers that do not find their extension append it
+        if not end and target.name.startswith("."):
             start, end = ".", target.name
         remove_left_behind(target.parent, start, end)
         handle, name = tempfile.mkstemp(prefix=start, suffix=end, dir=target.parent)

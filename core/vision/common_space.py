@@ -13,8 +13,8 @@ from ..geometry.triangulation import depths
 class CommonSpace:
     """Floor positions that all cameras see, on a grid in the world."""
 
-    x_m: Array  # (X,) of the grid's columns
-    z_m: Array  # (Z,) of the grid's rows
+    x_m: Array  # (X,) coordinates of the grid's columns
+    z_m: Array  # (Z,) coordinates of the grid's rows
     seen: Mask  # (Z, X) positions where all cameras see a whole performer
     # largest rectangle of seen positions: lowest x and z, highest x and z; zeros if there is none
     rectangle_m: tuple[float, float, float, float]

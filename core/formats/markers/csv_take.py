@@ -48,7 +48,7 @@ _MOTIVE_KINDS = ("marker", "bone marker", "rigid body marker")
 
 
 def read_csv(path: Path | str) -> MarkerTake:
-    """Return the take in a CSV file, in metres; layouts are described above, and FormatError names file and line."""
+    """Return the take in a CSV file, in metres; the module lists the layouts, and FormatError names file and line."""
     where = str(path)
     text = decode_text(read_bytes(path), where, "table of markers")
     if "\x00" in text:
@@ -179,7 +179,7 @@ def _stated_fps(rows: list[list[str]], where: str) -> float:
 
 
 def _with_seconds(rows: list[list[str]], clock: int) -> list[list[str]]:
-    """Return the rows with the dates of a column in seconds."""
+    """Return the rows with a column's dates converted to seconds."""
     return [[*row[:clock], _date_seconds(row[clock]), *row[clock + 1 :]] if len(row) > clock else row for row in rows]
 
 
@@ -199,7 +199,7 @@ def _first_place(pattern: re.Pattern[str], header: list[str]) -> int | None:
 
 
 def _seconds(times: Array, name: str) -> Array:
-    """Return a column of times in seconds; the unit is in its name, or for "timestamp" found from the steps."""
+    """Return a column of times in seconds; the unit is in its name, or, for "timestamp", is found from the steps."""
     match = _CLOCK.fullmatch(name)
     unit = (match["unit"] or "").lower() if match else ""
     if match and match["stamp"] and not unit:

@@ -90,7 +90,7 @@ def _members(source: Path, scratch: Path) -> dict[str, Path]:
 
 
 def _is_used(name: str, is_packed: bool = False) -> bool:
-    """Return whether a file is read; an archive inside an archive counts, so that an error can name it."""
+    """Return whether a file is used; nested archives are included, so that an error can name them."""
     if is_packed and is_archive(name):
         return True
     return PurePosixPath(name).suffix.lower() in _USED_SUFFIXES or PurePosixPath(name).name == _INDEX_NAME
@@ -128,7 +128,7 @@ def _unpack_tar(source: Path, scratch: Path) -> dict[str, Path]:
 
 
 def counted_headers(source: Path, longest_name: int = 1 << 16) -> type[tarfile.TarInfo]:
-    """Return a class of tar headers that rejects too many of them, and names that are too long."""
+    """Return a class of tar headers that rejects archives with too many headers or too long names."""
     numbers = count(1)
 
     class Header(tarfile.TarInfo):

@@ -1,4 +1,4 @@
-"""Footer of a complete take: facts and the index of its chunks."""
+"""Footer of a complete take: facts about the recording, and the index of its chunks."""
 
 import json
 import math

@@ -205,7 +205,7 @@ def take_name(path: Path | str) -> str:
 
 
 def unused_path(folder: Path, name: str, ending: str = ENDING) -> Path:
-    """Return an unused path in a folder for a file of that name, which is cut to 200 bytes."""
+    """Return an unused path in a folder for a file with this name, cut to 200 bytes."""
     stem = "".join("-" if letter in '<>:"/\\|?*' or ord(letter) < 32 else letter for letter in name)
     stem = stem.encode("utf-8", "replace")[:200].decode("utf-8", "ignore").strip(". ") or "take"
     path, count = folder / f"{stem}{ending}", 2

@@ -55,7 +55,7 @@ class BonePoses:
     """Poses of a humanoid.
 
     Args:
-        names: Names (B) among `BONES`, in their order.
+        names: Names (B,) among `BONES`, in their order.
         positions_m: Positions (F, B, 3) in the parent's axes; the hips' in the world.
         rotations: Rotations (F, B, 4) relative to the parent and the T pose; the hips' in the world.
     """

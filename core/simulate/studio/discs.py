@@ -16,7 +16,7 @@ _CELLS = 4  # cells per pixel in x, covered exactly
 
 
 def disc_light(centres: Array, radius: float, blur_px: float) -> tuple[int, int, Array]:
-    """Return the first column and row of a disc's pixels, and the share (height, width) of each that it covers.
+    """Return the first column and row of a disc's pixels, and the share (height, width) of each pixel that is covered.
 
     Args:
         centres: Disc centres (S, 2) at S times of the exposure, over which the coverage is averaged; pixels, with

@@ -39,7 +39,7 @@ class BoardSession:
 
     Args:
         names: The cameras' names in the calibration; the first two are the left and the right one.
-        titles: Their names in sentences, such as "the left camera".
+        titles: Their names in messages, such as "the left camera".
         start: Starts a computation that must not delay the images, like `Executor.submit`.
         limit: Number of views after which the session ends even if the result is not good.
         every_s: Time between two views; None to take one whenever the board is held still in a new position.

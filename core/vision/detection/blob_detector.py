@@ -166,7 +166,7 @@ class Detector:
         return table[inside]
 
     def _found(self, image: Image, room: "_EmptyRoom | None") -> Array:
-        """Return the marker candidates in an image or in a part of it, with the empty room behind it."""
+        """Return the marker candidates in an image or a part of it; `room` is the empty room behind it."""
         settings = self.settings
         dimmest = max(self.threshold, settings.dimmest * settings.relative_brightness * self._usual_contrast)
         parts = _parts(*self.foreground(image, room), settings)

@@ -76,7 +76,7 @@ class CameraSwapDetector:
 
 
 def image_mismatches(rig: CameraRig) -> tuple[ImageMismatch, ...]:
-    """Return all that can be wrong with the images of two cameras; nothing for other numbers of cameras."""
+    """Return all possible mismatches of two cameras' images; none for other numbers of cameras."""
     if len(rig) != 2:
         return ()
     found = [ImageMismatch(_EXCHANGED, is_exchange=True)]

@@ -44,8 +44,8 @@ class MatchingSettings:
     coherence_m: float = 0.06  # sigma of a marker's distance from its prediction
     most_coherence: float = 9.0  # largest cost of that distance, and of the depth
     hue_sigma: float = 25.0  # sigma of the difference of a marker's hue between two cameras, half degrees
-    size_sigma: float = 0.35  # sigma of the logarithm of its radius
-    brightness_sigma: float = 0.6  # sigma of the logarithm of its brightness
+    size_sigma: float = 0.35  # the same for the logarithm of a marker's radius
+    brightness_sigma: float = 0.6  # the same for the logarithm of a marker's brightness
     no_match: float = 30.0  # cost of a blob without a partner
     # largest number of blobs per camera, the brightest; the computing time grows with its square or more
     most_blobs: int = 150

@@ -53,7 +53,7 @@ def estimate_time_offset(
     largest_s: float,
     about_s: float = 0.0,
 ) -> TimeOffset:
-    """Return the time offset of a camera against a reference camera.
+    """Return the time offset of a camera relative to a reference camera.
 
     Args:
         reference_tracks, tracks: Tracks of the two cameras at the times of their own stamps.

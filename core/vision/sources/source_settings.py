@@ -18,8 +18,8 @@ class SourceSettings:
     never_usable_s: float = 5.0  # time without a usable image from one camera after which sampling gives up
     join_s: float = 0.5  # longest wait for a camera's thread to end
     same_clock_s: float = 1.0  # largest age of a time stamp for it to be on this computer's clock
-    stream_opens_ms: int = 5000  # longest wait for a network camera
-    stream_stalls_ms: int = 1000  # longest wait for its next image before it is reconnected
+    stream_opens_ms: int = 5000  # longest wait until a network camera opens
+    stream_stalls_ms: int = 1000  # longest wait for a network camera's next image; then it is reconnected
     exposure_step: float = 1.5  # largest ratio of the requested and the actual exposure; drivers use steps of 2
     control_step: float = 1.0  # largest difference between a requested and an actual gain or focus, the camera's units
     # image sets

@@ -36,7 +36,7 @@ class FrameRecorder:
         self._restart = point, cause
 
     def record(self, record: bytes) -> tuple[float, MarkerFrame]:
-        """Write a packed frame to the take; return its stamp and the frame, numbered and timed as the capture is."""
+        """Write a packed frame to the take; return its stamp, and the frame with the capture's numbers and times."""
         stamp_s, frame = unpack_stamped(record)
         if self._restart is not None:
             point, cause = self._restart
