@@ -77,7 +77,7 @@ def _as_before(before_m: Array, points_m: Array) -> IntArray | None:
 
 
 def scaled_to(rig: CameraRig, points_m: ArrayLike, longest_m: float) -> tuple[CameraRig, Array, float]:
-    """Return rig and points (N, 3), scaled so that the points' largest distance is `longest_m`, and the factor."""
+    """Return rig and points (N, 3), scaled until the largest distance between points is `longest_m`, and the factor."""
     if not 0.0 < longest_m < np.inf:
         raise CalibrationError(f"markers cannot be {longest_m:g} m apart", advice="measure from centre to centre")
     points = np.asarray(points_m, dtype=np.float64)

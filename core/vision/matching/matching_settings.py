@@ -42,7 +42,7 @@ class MatchingSettings:
     farthest_m: float = 12.0  # largest depth of a marker
     spread_m: float = 0.5  # sigma of a marker's depth about the mean depth
     coherence_m: float = 0.06  # sigma of a marker's distance from its prediction
-    most_coherence: float = 9.0  # largest cost of that distance, and of the depth
+    most_coherence: float = 9.0  # cap on the cost of that distance, and on the cost of the depth
     hue_sigma: float = 25.0  # sigma of the difference of a marker's hue between two cameras, half degrees
     size_sigma: float = 0.35  # the same for the logarithm of a marker's radius
     brightness_sigma: float = 0.6  # the same for the logarithm of a marker's brightness
