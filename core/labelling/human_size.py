@@ -19,15 +19,15 @@ class HumanSizeSettings:
     """Settings of the check and of the height."""
 
     fewest_pairs: int = 4  # fewest distances on limbs that determine the body's height
-    # median deviation of the log ratios of these distances to the default body's, above which they contradict each
-    # other: at most 0.23 in takes of eight systems, 0.55 where a hand has the elbow's label
+    # median deviation of the log ratios of distances to those of the default body above which the distances contradict
+    # each other: at most 0.23 in takes from eight systems, 0.55 where a hand has the elbow's label
     contradiction: float = 0.35
-    shortest_pair_m: float = 0.2  # shortest usual distance that counts
-    largest: float = 95.0  # percentile of the distances that is taken as the largest
-    # largest log ratio of a performer's height to the default; a larger one means that the performer seems to sit
+    shortest_pair_m: float = 0.2  # distance on the default body below which a pair of markers is not used
+    largest: float = 95.0  # percentile of a distance over time that represents its largest value
+    # largest log ratio, positive or negative, of a standing performer's height to the default
     standing_range: float = 0.16
     samples: int = 200  # largest number of frames that are checked
-    same_unit: float = 1.6  # largest ratio to the default size in another unit at which the unit is blamed
+    same_unit: float = 1.6  # largest ratio to the default size in the likely unit at which that unit is named
 
 
 _S = HumanSizeSettings()
@@ -47,9 +47,9 @@ _MISTAKES = {
 
 
 def check_human_size(take: MarkerTake, marker_set: MarkerSet) -> None:
-    """Raise TakeError for a take in which the body does not have a human size.
+    """Raise TakeError for a take in which the body is not of human size.
 
-    The torso hardly bends, so the distances between its markers give the size. Takes with fewer than two torso
+    The torso hardly bends, so the distances between its markers determine the size. Takes with fewer than two torso
     markers pass.
 
     Args:
@@ -104,19 +104,19 @@ def likely_height_m(take: MarkerTake, marker_set: MarkerSet) -> float:
 
 
 def _scale(take: MarkerTake, marker_set: MarkerSet) -> float:
-    """Return the size of the torso relative to the default body, NaN if unknown."""
+    """Return the size of the torso relative to the default body's, NaN if unknown."""
     apart_m, _, usual_m = _distances(take, marker_set, [marker for marker in _worn(take, marker_set) if marker.torso])
     known = np.isfinite(apart_m)
     return float(apart_m[known].sum() / usual_m[known].sum()) if known.any() else float("nan")
 
 
 def _worn(take: MarkerTake, marker_set: MarkerSet) -> list[Marker]:
-    """Return the set's markers that are in the take and have an offset."""
+    """Return the markers of the set that are in the take and have an offset."""
     return [marker for marker in marker_set.markers if marker.offset_m is not None and marker.name in take.names]
 
 
 def _distances(take: MarkerTake, marker_set: MarkerSet, worn: Sequence[Marker]) -> tuple[Array, Array, Array]:
-    """Return each pair's median and largest distance, NaN if never seen together, and that on the default body."""
+    """Return each pair's median and largest distance, NaN if never visible together, and that on the default body."""
     skeleton, first, second = default_skeleton(), *np.triu_indices(len(worn), 1)
     found = np.full((2, len(first)), np.nan)
     if not len(first):

@@ -1,8 +1,8 @@
 """Labelling points without history: at the start, and after the body was lost.
 
 The distances between torso markers hardly change with the pose, so the few possible choices of points for the torso can
-be enumerated. Each choice places the root. In the root's frame every pair of limb markers is compared with poses in the
-database, because arms and legs may each be in known poses that never occur together.
+be enumerated. Each choice determines the root. In the root's frame, limb markers are compared with poses in the
+database pair by pair, because arms and legs may each be in known poses that never occur together.
 """
 
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ from ..geometry.arrays import Array, FloatArray, IntArray, Mask
 from ..markers.marker_set import FEWEST_TORSO
 from .torso_candidates import TORSO, Search, TorsoCandidates
 
-REACH_M = 0.30  # distance from the closest example up to which a point may be a marker
+REACH_M = 0.30  # distance from a marker of the closest example up to which a point may be that marker
 
 
 @dataclass(frozen=True)
@@ -22,29 +22,29 @@ class InitialSettings:
     """Settings of `InitialLabeller`, tuned on cuts to random frames; costs are negative log likelihoods."""
 
     coarse: int = 8  # step between the examples used to choose between placements of the root
-    fitted: int = 400  # number of torsos to which the mean torso is fitted
-    placed: int = 24  # number of fitted torsos compared with the coarse examples
-    compared: int = 8  # number of torsos compared with all examples and completed with limbs
-    together: int = 10_500  # limit on examples times limbs compared at once; more take too long for a live frame
-    labellings: int = 40  # labellings kept while limbs are added
-    best: int = 6  # labellings kept for each torso
-    limb_points: int = 12  # points tried for each limb
-    margin_m: float = 0.3  # margin around the limbs of all examples outside which a point is not a limb
+    fitted: int = 400  # number of choices of torso points to which the mean torso is fitted
+    placed: int = 24  # number of these that are compared with the coarse examples
+    compared: int = 8  # number of these that are compared with all examples and completed with limbs
+    together: int = 10_500  # limit on examples times limb markers compared at once, so that live frames are in time
+    labellings: int = 40  # number of labellings kept while limbs are added
+    best: int = 6  # number of labellings kept for each torso
+    limb_points: int = 12  # number of points tried for each limb marker
+    margin_m: float = 0.3  # margin around the limbs of all examples; a point outside is not on a limb
     fewest_found: float = 0.6  # share of the markers that must be found
-    unlikely: float = 3.6  # cost per marker found above which the points are not taken for a body
+    unlikely: float = 3.6  # cost per marker found above which the points are not a body
     torso_sigma_m: float = 0.05  # standard deviation of a torso marker relative to the examples
     missed_torso_cost: float = TORSO.missed_cost
-    up_sigma_rad: float = 0.25  # standard deviation of the vertical relative to the examples
-    up_tail: float = 2.0  # heavy tail of the vertical, so that handstands stay possible; smaller is heavier
+    up_sigma_rad: float = 0.25  # standard deviation of the up direction relative to the examples
+    up_tail: float = 2.0  # heavy tail of the up direction, so that handstands stay possible; smaller is heavier
     limb_sigma_m: float = 0.1  # standard deviation of a limb marker relative to the examples
     missed_limb_cost: float = 6.0  # cost of a limb marker without a point
     ghost_cost: float = 4.0  # cost of a ghost: a point that is not a marker
-    hopeless_torso: float = 15.0  # cost above the cheapest torso at which a torso is dropped
-    hopeless: float = 6.0  # cost above the cheapest labelling at which a torso is dropped
+    hopeless_torso: float = 15.0  # cost relative to the cheapest torso above which a torso is dropped
+    hopeless: float = 6.0  # cost relative to the cheapest labelling above which a torso is dropped
     back_cost: float = 6.0  # cost of facing away from the cameras: many crouching poses also fit the opposite heading
-    alike_rad: float = 0.4  # largest difference between the verticals of poses with similar limbs
-    unlike_weight: float = 0.02  # weight of other examples
-    least_likelihood: float = 1e-9  # lower bound on the likelihood of a pair of limbs
+    alike_rad: float = 0.4  # scale of the difference in up direction over which an example's weight falls
+    unlike_weight: float = 0.02  # smallest weight of an example
+    least_likelihood: float = 1e-9  # lower bound on the likelihood of a pair of limb markers
 
 
 _S = InitialSettings()
@@ -61,7 +61,7 @@ class InitialLabels:
 
 
 class _Placement(NamedTuple):
-    """Root placement for one choice of the torso's points (T,)."""
+    """Root determined by one choice of points (T,) for the torso."""
 
     torso: IntArray
     turn: Array
@@ -74,7 +74,7 @@ class _Placement(NamedTuple):
 
 
 class _Found(NamedTuple):
-    """Labels (N,) of all points, given the torso of a placement."""
+    """Labels (N,) of all points, with the torso of a placement."""
 
     cost: float
     labels: IntArray
@@ -86,7 +86,7 @@ class InitialLabeller:
 
     Args:
         examples_m: Markers (S, M, 3) of poses in the root's frame.
-        ups: Vertical (S, 3) of these poses in the same frame.
+        ups: Up direction (S, 3) of these poses in the same frame.
         torso: Markers (M,) on the torso, at least three.
     """
 
@@ -112,7 +112,7 @@ class InitialLabeller:
             return found
 
     def search(self, points_m: Array) -> Search[InitialLabels | None]:
-        """Do the work of `label` in steps."""
+        """Find the labels of `label` in steps of work."""
         torsos = yield from self._torsos.choose(points_m)
         if len(torsos) == 0:
             return None
@@ -160,7 +160,7 @@ class InitialLabeller:
         return placement.cost + limbs + _S.missed_limb_cost * float(np.sum(~found)) + _S.ghost_cost * ghosts
 
     def _place_roughly(self, points_m: Array, torsos: IntArray) -> list[_Placement]:
-        """Return the likeliest placements of the root, with their costs."""
+        """Return the likeliest placements for choices of torso points (H, T), cheapest first."""
         turns, shifts, errors = _fit_torsos(self._mean_torso, points_m, torsos)
         missing = torsos < 0
         rough = errors / (2.0 * _S.torso_sigma_m**2) + _S.missed_torso_cost * missing.sum(axis=1)
@@ -171,9 +171,9 @@ class InitialLabeller:
         return sorted(self._place(points_m, torsos[rows], turns[rows], shifts[rows]), key=lambda placed: placed.cost)
 
     def _place(self, points_m: Array, torsos: IntArray, turns: Array, shifts: Array, step: int = 1) -> list[_Placement]:
-        """Return placements with costs for torsos (P, T), rotations and shifts.
+        """Return placements with costs for choices of torso points (P, T) and their rotations and shifts.
 
-        Torso and vertical are compared with every `step`th example.
+        Torso and up direction are compared with every `step`th example.
         """
         seen = torsos >= 0
         places_m = np.where(seen[..., None], points_m[torsos] - shifts[:, None], 0.0)
@@ -188,7 +188,7 @@ class InitialLabeller:
         return [_Placement(*row) for row in zip(torsos, turns, shifts, least.tolist(), strict=True)]
 
     def _label_limbs(self, points_m: Array, placements: list[_Placement]) -> list[_Found]:
-        """Label the points that are not on the torso by pairs of limbs."""
+        """Label the remaining points by comparing pairs of limb markers with the examples."""
         local = np.stack([placement.to_local(points_m) for placement in placements])
         is_free = np.einsum("pnc,pnc->pn", local, local) < self._reach_m**2
         for row, placement in zip(is_free, placements, strict=True):
@@ -211,7 +211,7 @@ class InitialLabeller:
         ]
 
     def _result(self, points_m: Array, found: list[_Found]) -> InitialLabels:
-        """Return the likeliest labels, with the markers of the closest example."""
+        """Return the likeliest labels, with alternatives and the markers of the closest example."""
         found = sorted(found, key=lambda each: each.cost)[: _S.best]
         cost, labels, placement = found[0]
         seen = labels >= 0
@@ -222,7 +222,7 @@ class InitialLabeller:
         return InitialLabels(labels, cost, np.asarray(markers @ turns[0].T + shifts[0]), alternatives)
 
     def _limb_candidates(self, local: FloatArray, is_free: Mask) -> IntArray:
-        """Return the likeliest points (P, L, C) for each limb, padded with -1."""
+        """Return the likeliest points (P, L, C) for each limb marker, padded with -1."""
         limbs = len(self._limbs)
         result = np.full((len(local), limbs, min(int(is_free.sum(axis=1).max()), _S.limb_points)), -1)
         for row, points, free in zip(result, local, is_free, strict=True):
@@ -235,13 +235,13 @@ class InitialLabeller:
         return result
 
     def _pair_costs(self, local: FloatArray, candidates: IntArray, turns: Array) -> FloatArray:
-        """Return the `pairs` for `_cheapest` from points in the placements' frames."""
+        """Return the `pairs` for `_cheapest` from points (P, N, 3) in the placements' frames."""
         placements, limbs, count = candidates.shape
         likelihoods = np.ones((placements, limbs, count + 1, len(self._examples)), dtype=np.float32)
         own = local[np.arange(placements)[:, None, None], candidates]
         likelihoods[:, :, :count] = _likelihoods(self._limb_places, self._limb_norms, own)
         flat = likelihoods.reshape(placements, -1, len(self._examples))
-        # examples with a different vertical count less
+        # examples with a different up direction have less weight
         tilt = turns[:, 1].astype(np.float32) @ self._ups.T
         weights = np.exp((tilt - 1.0) / np.float32(_S.alike_rad**2)) + np.float32(_S.unlike_weight)
         weights /= weights.sum(axis=1, keepdims=True)
@@ -254,10 +254,10 @@ def _likelihoods(places: FloatArray, norms: FloatArray, points: FloatArray) -> F
     """Return heavy-tailed likelihoods (..., L, N, S) of points (..., L or 1, N, 3).
 
     Args:
-        places: Example positions (L, 3, S) of each limb.
-        norms: Their squared lengths (L, S).
+        places: Positions (L, 3, S) of each limb marker in the examples.
+        norms: Squared lengths (L, S) of these positions.
     """
-    far = points @ places  # later steps are done in place
+    far = points @ places  # further operations are done in place
     far *= np.float32(-2.0)
     far += norms[:, None]
     far += np.einsum("...c,...c->...", points, points)[..., None]
@@ -274,7 +274,8 @@ def _cheapest(pairs: FloatArray, candidates: IntArray) -> tuple[IntArray, Array]
     """Return the cheapest points (P, K, L) of limbs, or -1 for none, and costs (P, K), padded with infinity.
 
     Args:
-        pairs: Costs (P, L, C + 1, L, C + 1) of two limbs at two of their candidates; the last candidate means hidden.
+        pairs: Costs (P, L, C + 1, L, C + 1) of two limb markers at two of their candidates; the last candidate means
+            that the marker is hidden.
         candidates: Points (P, L, C) of each placement, padded with -1.
     """
     placements, limbs, none = candidates.shape
@@ -284,7 +285,7 @@ def _cheapest(pairs: FloatArray, candidates: IntArray) -> tuple[IntArray, Array]
     for limb in range(limbs):
         own = np.column_stack((candidates[:, limb], np.full(placements, -1)))
         cost = costs[:, :, None] + pairs[every, np.arange(limb), chosen, limb].sum(axis=2) / max(limbs - 1, 1)
-        # a hidden limb also leaves a point unlabelled
+        # a hidden limb marker also leaves a point unlabelled
         cost[:, :, none] += _S.missed_limb_cost + _S.ghost_cost
         taken = np.any(rows[:, :, None] == own[:, None, :, None], axis=3) | (own < 0)[:, None]
         cost[:, :, :none][taken[:, :, :none]] = np.inf
@@ -299,7 +300,7 @@ def _cheapest(pairs: FloatArray, candidates: IntArray) -> tuple[IntArray, Array]
 
 
 def _fit_torsos(torso_m: Array, points_m: Array, chosen: IntArray) -> tuple[Array, Array, Array]:
-    """Fit a torso (T, 3) to choices (H, T) of points; return rotations, shifts and squared errors."""
+    """Fit a torso (T, 3) to choices (H, T) of points; return rotations, shifts and sums of squared errors."""
     weights = (chosen >= 0).astype(np.float64)[..., None]
     weights /= weights.sum(axis=1, keepdims=True)
     targets = np.where(weights > 0.0, points_m[chosen], 0.0)

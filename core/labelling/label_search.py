@@ -4,23 +4,23 @@ from ..geometry.arrays import Array, IntArray
 from .initial_labelling import InitialLabeller, InitialLabels
 from .labeller import Labeller
 
-# array elements processed in one frame
-WORK = 1_000_000  # about 2.5 ms
+# limits on the number of array elements processed in one frame
+WORK = 1_000_000  # takes about 2.5 ms
 WORK_UNHURRIED = 200_000  # while there is no evidence against the labels
 WORK_ALONE = 5_500_000  # without a tracked body
 
 
 class LabelSearch:
-    """Search for the labels of one frame's points, done in steps during the following frames.
+    """Search for the labels of one frame's points, spread over the following frames.
 
-    The labels found are carried to the latest frame by following the points.
+    The labels found are carried over to the latest frame by tracking the points.
 
     Args:
         points_m: Points (N, 3) of the frame that is searched.
-        follower: New labeller that follows the labels found.
+        follower: New labeller that carries the labels over.
 
     Attributes:
-        found: Labels of that frame's points; None if they do not look like a body.
+        found: Labels of that frame's points; None if the points do not look like a body.
     """
 
     def __init__(self, initial: InitialLabeller, points_m: Array, follower: Labeller) -> None:
@@ -44,11 +44,11 @@ class LabelSearch:
         return self._is_done
 
     def labellings(self) -> list[tuple[IntArray, float]]:
-        """Return all label hypotheses (N,) for the first points with costs, likeliest first."""
+        """Return all labels (N,) found for the points that were searched, with costs, likeliest first."""
         return [(self.found.labels, self.found.cost), *self.found.alternatives] if self.found else []
 
     def carry(self, labels: IntArray) -> tuple[Labeller, IntArray]:
-        """Return a labeller that has followed labels (N,) to the latest frame's points (N,)."""
+        """Return a labeller that has tracked labels (N,) to the latest frame, and the labels of that frame's points."""
         self._follower.begin(self.points_m, labels)
         for points_m, elapsed_s in self._later:
             labels = self._follower.follow(points_m, elapsed_s)

@@ -1,7 +1,8 @@
-"""Labelling points by the markers of the last synthesised pose.
+"""Labelling points by the markers of the last solved pose.
 
-Chai and Hodgins 2005, section 4.1: markers are labelled in the first frame; later frames are matched to the markers of
-the most recent synthesised pose. These include hidden markers, so a marker that returns gets its label again.
+Chai and Hodgins 2005, section 4.1: markers are labelled in the first frame; the points of later frames are matched to
+the markers of the last solved pose. That pose also predicts hidden markers, so a marker that returns gets its label
+back.
 """
 
 from collections.abc import Sequence
@@ -20,25 +21,25 @@ from ..markers.marker_frame import MarkerFrame, undistort_blobs
 class LabellerSettings:
     """Settings of `Labeller`, tuned on takes with crossing limbs and returning markers (tuning log).
 
-    A marker takes a point within a gate around its predicted position. A limb's marker that was hidden may be farther
-    away: it takes a point that no other marker can have and that has stayed for some frames, because false matches
-    between two cameras do not last.
+    A marker takes a point within a gate around its predicted position. A limb marker that was hidden may return farther
+    away: it takes a point that no other marker can have and that has stayed in place for some frames, because false
+    matches between two cameras do not last.
     """
 
     gate_m: float = 0.08  # gate of a marker at rest
     gate_speed_share: float = 0.6  # growth of the gate, as a share of the predicted movement
-    gate_unknown_m_s: float = 6.0  # growth of the gate for a marker with unknown velocity
-    gate_hidden_m_s: float = 2.0  # growth of the gate with the time that the marker has been hidden
+    gate_unknown_m_s: float = 6.0  # growth of the gate per second for a marker with unknown velocity
+    gate_hidden_m_s: float = 2.0  # growth of the gate per second that the marker has been hidden
     limb_gate_m: float = 0.35  # largest gate of a marker on a limb
     torso_gate_m: float = 0.12  # largest gate of a marker on the torso
     lone_reach_m: float = 1.0  # distance within which a hidden marker takes a point that only it can have
-    lone_frames: int = 3  # number of frames that such a point must have stayed
-    lone_move_m: float = 0.1  # largest movement in one frame for which it has stayed
+    lone_frames: int = 3  # number of frames for which such a point must have stayed in place
+    lone_move_m: float = 0.1  # largest movement in one frame of a point that stays in place
     pixel_sigma: float = 0.5  # standard deviation of blob centres
-    meeting_px: float = 3.0  # reprojection error above which rays do not belong to the same marker
-    memory_s: float = 0.1  # age up to which a velocity is used
-    briefly_s: float = 0.05  # time up to which a hidden torso marker is as reliable as a visible one
-    steady_m: float = 0.06  # distance from the extrapolated position up to which a marker is tracked confidently
+    meeting_px: float = 3.0  # reprojection error above which rays are not of the same marker
+    memory_s: float = 0.1  # longest time for which a marker's last velocity is used
+    briefly_s: float = 0.05  # longest time for which a hidden torso marker is as reliable as a visible one
+    steady_m: float = 0.06  # largest distance from the extrapolated position of a marker that is tracked confidently
 
 
 _S = LabellerSettings()
@@ -50,11 +51,11 @@ class _Tracks:
 
     positions_m: Array  # (M, 3)
     velocities_m_s: Array  # (M, 3), NaN where unknown
-    hidden_s: Array  # time for which the marker has been hidden
-    is_steady: Mask  # it was close to its extrapolated position
-    is_confident: Mask  # it has been tracked confidently since the last `Labeller.confirm`
+    hidden_s: Array  # (M,) time for which the marker has been hidden
+    is_steady: Mask  # (M,) the marker was close to its extrapolated position
+    is_confident: Mask  # (M,) tracked confidently since the last `Labeller.confirm`
     lone_m: Array  # (M, 3) unlabelled points that only this marker can have, NaN if none
-    lone_frames: IntArray  # number of frames that this point has stayed
+    lone_frames: IntArray  # (M,) number of frames for which this point has stayed in place
 
 
 @dataclass(frozen=True)
@@ -63,7 +64,7 @@ class LabelledBlobs:
 
     blobs: IntArray  # (M, C) indices, -1 where the camera does not show the marker
     normalised: Array  # (M, C, 2) undistorted normalised coordinates, NaN where there is no blob
-    points_m: Array  # (M, 3) positions of markers that two or more cameras see, NaN for others
+    points_m: Array  # (M, 3) positions of markers that two or more cameras see, NaN for other markers
 
     @property
     def single_cameras(self) -> IntArray:
@@ -77,9 +78,9 @@ class LabelledBlobs:
 class Priority:
     """Order in which M markers choose their points or blobs."""
 
-    tracked: Mask  # located in the last frame: these choose first
-    torso: Mask  # tracked markers on the torso
-    returning: Mask  # torso markers hidden briefly: they choose first, too, but no point that may belong to `torso`
+    tracked: Mask  # (M,) markers located in the last frame: they choose first
+    torso: Mask  # (M,) those of them on the torso
+    returning: Mask  # (M,) torso markers briefly hidden: also first, but never a point that may be one of `torso`
 
 
 class Labeller:
@@ -106,7 +107,7 @@ class Labeller:
         """Start from labels (N,) of points (N, 3).
 
         Args:
-            is_confident: Markers (M,) that count as tracked confidently; none by default.
+            is_confident: Markers (M,) that are assumed to be tracked confidently; none by default.
         """
         self._update(points_m, labels, 0.0)
         self._tracks.is_confident = np.zeros_like(self._torso) if is_confident is None else is_confident.copy()
@@ -143,7 +144,7 @@ class Labeller:
         return labels
 
     def follow(self, points_m: Array, elapsed_s: float) -> IntArray:
-        """Return labels (N,) from the markers' last positions, without a body."""
+        """Return labels (N,) from the markers' last positions, without a solved pose."""
         known = np.flatnonzero(np.isfinite(self._tracks.positions_m[:, 0]))
         expected, gates = self.expected(self._tracks.positions_m, elapsed_s)
         rows, columns = assign_points(points_m, np.zeros((len(points_m), 3, 3)), expected[known], gates[known])
@@ -155,10 +156,10 @@ class Labeller:
     def label_blobs(
         self, frame: MarkerFrame, cameras: Sequence[Camera], predicted_m: Array, elapsed_s: float
     ) -> LabelledBlobs:
-        """Label the blobs in each image by the predicted markers, then join the cameras.
+        """Label the blobs in each image by the predicted markers, then triangulate the markers.
 
-        Two markers on one epipolar line can be matched crosswise between the cameras without contradiction. The known
-        body shows where each marker is in each image.
+        Blobs of two markers on one epipolar line can be matched crosswise between the cameras without any
+        contradiction. So each image is labelled by itself: the known body shows where each marker is in it.
         """
         frame = undistort_blobs(frame, cameras)
         expected, gates = self.expected(predicted_m, elapsed_s)
@@ -178,7 +179,7 @@ class Labeller:
         for index in range(len(cameras)):
             shown = blobs[:, index] >= 0
             normalised[shown, index] = frame.normalised[index][blobs[shown, index]]
-        known = np.full((count, 3), np.nan)  # points triangulated from the same blobs
+        known = np.full((count, 3), np.nan)  # points that were triangulated from the same blobs
         if len(frame.points_m) and frame.point_blobs.shape[1] == len(cameras):
             markers, same = np.nonzero(np.all(blobs[:, None] == frame.point_blobs[None], axis=2))
             known[markers] = frame.points_m[same]
@@ -187,7 +188,7 @@ class Labeller:
         return LabelledBlobs(blobs, normalised, points)
 
     def _take_lone_points(self, frame: MarkerFrame, blobs: IntArray, expected_m: Array) -> IntArray:
-        """Give blobs (M, C) of lone points to hidden markers, in place; return these markers."""
+        """Give the blobs of lone points to hidden markers, in place in `blobs` (M, C); return these markers."""
         if len(frame.points_m) == 0 or frame.point_blobs.shape[1] != blobs.shape[1]:
             return np.empty(0, dtype=np.int64)
         shown = frame.point_blobs >= 0
@@ -200,10 +201,10 @@ class Labeller:
     def _lone_points(
         self, points_m: Array, points: IntArray, expected_m: Array, labelled: IntArray
     ) -> tuple[IntArray, IntArray]:
-        """Return (points, markers) that have been each other's only choice for some frames.
+        """Return pairs (points, markers) that have been each other's only choice for some frames.
 
         Args:
-            points: Indices of the unlabelled points among all (N, 3).
+            points: Indices of the unlabelled points among all points (N, 3).
             expected_m: Expected markers (M, 3).
             labelled: Indices of the markers that have a point.
         """
@@ -226,9 +227,9 @@ class Labeller:
         return points[stayed], markers[stayed]
 
     def expected(self, predicted_m: Array, elapsed_s: float) -> tuple[Array, Array]:
-        """Return expected markers (M, 3) and their gates (M,), metres; see `label`.
+        """Return the expected markers (M, 3) and their gates (M,), metres; arguments as in `label`.
 
-        A marker hidden for a short time is extrapolated, because the pose may drift away from it immediately.
+        A marker that is hidden only briefly is extrapolated, because the pose may drift away from it at once.
         """
         tracks = self._tracks
         is_known = np.isfinite(tracks.velocities_m_s[:, 0])
@@ -270,21 +271,21 @@ class Labeller:
         tracks.is_steady[markers] = steady
         tracks.is_confident[markers] &= steady & (others > own + _S.steady_m)
         tracks.is_confident &= hidden_s < _S.memory_s
-        if 2 * np.sum(steady) <= len(steady):  # a cut, or a body that was hidden
+        if 2 * np.sum(steady) <= len(steady):  # there is a cut, or the body was hidden
             tracks.is_confident[:] = False
 
 
 def assign_points(
     points_m: Array, covariances_m2: Array, expected_m: Array, gates_m: Array, priority: Priority | None = None
 ) -> tuple[IntArray, IntArray]:
-    """Return (points, markers) that belong together.
+    """Return indices of the points and of the markers to which they are assigned.
 
     Args:
         points_m: Points (N, 3).
         covariances_m2: Their covariances (N, 3, 3).
         expected_m: Expected markers (M, 3).
         gates_m: Largest distances (M,) from the expected positions.
-        priority: Order in which markers choose; all together by default.
+        priority: Order in which markers choose; by default they choose together.
     """
     deviation = np.sqrt(np.trace(covariances_m2, axis1=1, axis2=2) / 3.0)
     distances = np.linalg.norm(points_m[:, None] - expected_m[None], axis=-1)
@@ -294,7 +295,7 @@ def assign_points(
 def assign_blobs(
     blobs: FloatArray, camera: Camera, expected_m: Array, gates_m: Array, priority: Priority | None = None
 ) -> tuple[IntArray, IntArray, Array]:
-    """Return matching (blobs, markers) of one image, and distances as shares of gates.
+    """Return indices of the blobs of one image and of their markers, and their distances as shares of the gates.
 
     Args:
         blobs: Rows (n, 5) of a `MarkerFrame`; the other arguments are those of `assign_points`.
@@ -310,7 +311,7 @@ def assign_blobs(
 
 
 def _assign_by_priority(costs: Array, priority: Priority | None) -> tuple[IntArray, IntArray]:
-    """Return assigned rows and columns.
+    """Return rows and columns of the best assignment with costs (N, M).
 
     Tracked markers come first: in a joint assignment a hidden marker's wide gate would take their points.
     """
@@ -338,7 +339,7 @@ def _join_cameras(
     gates: Array,
     known: Array,
 ) -> Array:
-    """Triangulate points (M, 3); if rays disagree, remove the less likely blob, in place."""
+    """Return triangulated markers (M, 3); where rays do not meet, the least likely blob is removed, in place."""
     points = np.full((len(blobs), 3), np.nan)
     while True:
         seen = blobs >= 0

@@ -18,11 +18,11 @@ from ..markers.prop import Prop
 class PropFitSettings:
     """Settings of `PropImages.fit`."""
 
-    steps: int = 6  # Gauss-Newton steps
-    small_step: float = 1e-5  # step (rad, m) that ends the fit
+    steps: int = 6  # largest number of Gauss-Newton steps
+    small_step: float = 1e-5  # size of a step, rad and m, that ends the fit
     least_depth_m: float = 0.1
-    centre_px: float = 0.3  # scale of the robust weights: errors of blob centres and calibration
-    damping: float = 1e-6  # far below the information of one blob; fixes directions without data
+    centre_px: float = 0.3  # scale of the robust weights, about the errors of blob centres and calibration
+    damping: float = 1e-6  # far below the information from one blob; keeps undetermined directions in place
 
 
 _S = PropFitSettings()
@@ -42,7 +42,7 @@ class Placed:
 
 
 class PropImages:
-    """Images of a frame, compared with a prop's projected markers."""
+    """Images of a frame, in which a prop's projected markers are compared with the blobs."""
 
     def __init__(self, cameras: Sequence[Camera], frame: MarkerFrame, prop: Prop) -> None:
         self._cameras = cameras
@@ -54,10 +54,10 @@ class PropImages:
         self._focal_px = np.array([camera.focal_px for camera in cameras])
 
     def nearest(self, placed: Placed, limits_px: float | Array) -> IntArray:
-        """Return each marker's blob (M, C) in each image if the two are nearest to each other, else -1.
+        """Return the nearest blob (M, C) to each marker in each image if the marker is also nearest to it, else -1.
 
         Args:
-            limits_px: Largest distance, for all images or for each (C, 1).
+            limits_px: Largest distance: one for all images, or one for each (C, 1).
         """
         world = transform(placed.turn, placed.shift, self._markers)
         result = np.full((len(world), len(self._cameras)), -1, dtype=np.int64)
@@ -73,7 +73,7 @@ class PropImages:
         return result
 
     def pixels_of(self, placed: Placed, metres: float) -> Array:
-        """Return the length (C, 1) in pixels of a distance at the prop's depth."""
+        """Return the length (C, 1) in pixels, in each image, of a distance at the prop's depth."""
         middle = placed.turn @ self._markers.mean(axis=0) + placed.shift
         depth = np.maximum((self._rotations @ middle + self._shifts)[:, 2], _S.least_depth_m)
         return np.asarray(metres * self._focal_px / depth)[:, None]
@@ -81,7 +81,7 @@ class PropImages:
     def fit(self, placed: Placed, blobs: IntArray) -> tuple[Placed, Array]:
         """Return the pose that best explains the blobs (M, C), and their errors (M, C), pixels.
 
-        Cauchy weights give a few wrong blobs little influence.
+        Robust weights (Cauchy's) leave a few wrong blobs little influence.
         """
         seen = blobs >= 0
         observed = np.zeros((*blobs.shape, 2))

@@ -1,8 +1,8 @@
 """Tracking one prop from frame to frame, with a search when it is lost.
 
-The distances on a prop are exact to millimetres, so few points can be its markers. A prop placed on such points must
-explain the blobs of each camera, including those that only one camera sees. A tracked prop starts at its expected pose
-instead.
+The distances between a prop's markers are exact to millimetres, so only few points can be these markers. A prop placed
+on such points must explain the blobs of each camera, including those that only one camera sees. The pose of a tracked
+prop is fitted from its expected pose instead.
 """
 
 from collections.abc import Sequence
@@ -27,31 +27,32 @@ from .prop_image_fit import Placed, PropImages
 class PropSettings:
     """Settings of `PropTracker`, tuned on a simulated sword among a performer's markers.
 
-    A pose has six numbers, so five blobs (ten numbers) leave four to spare. A blob scores 1 - (its error / `fit_px`)^2.
+    A pose has six degrees of freedom, so five blobs (ten coordinates) leave four to spare. The score of a blob is 1 -
+    (error / `fit_px`)^2; that of a pose is the sum over its blobs.
     """
 
     span_m: float = 0.006  # tolerance of distances between located markers
-    span_sigmas: float = 0.5  # additional tolerance in standard deviations of the points, which are overestimated
-    fit_m: float = 0.010  # RMS distance above which points are not the prop
-    missed_m: float = 0.03  # distance that a marker without a point counts as
-    tried: int = 6  # number of point matches from which poses are fitted to the images
+    span_sigmas: float = 0.5  # additional tolerance as a share of the points' standard deviations, which are too large
+    fit_m: float = 0.010  # RMS distance above which points are not the prop's markers
+    missed_m: float = 0.03  # distance assumed for a marker without a point
+    tried: int = 6  # largest number of matches with points from which poses are fitted to the images
     elsewhere_m: float = 0.03  # distance of a marker above which two poses are different
-    clearly_m2: float = 0.005**2  # mean squared distance by which the best pose must beat others if there are no images
+    clearly_m2: float = 0.005**2  # smallest lead of the best pose in mean squared distance, without images
     gate_m: float = 0.10  # largest distance of a tracked prop's markers from their predicted positions
     gate_speed_share: float = 0.5  # growth of this gate, as a share of the predicted movement
-    gate_hidden_m_s: float = 2.0  # growth of this gate with the time that the prop has been hidden
+    gate_hidden_m_s: float = 2.0  # growth of this gate per second that the prop has been hidden
     held_s: float = 0.25  # time after which a hidden prop is lost
     claim_s: float = 0.10  # time for which a poorly visible prop keeps the blobs at its predicted markers
     claim_m: float = 0.03  # largest distance of these blobs from the markers
-    confirmed_s: float = 0.10  # time that a detection that may be chance (three markers, few blobs) must last
-    sure_blobs: int = 7  # number of blobs from which a detection is not chance
-    near_px: float = 4.0  # largest distance between a blob and a marker of a candidate pose
-    expected_px: float = 20.0  # the same for the expected pose
+    confirmed_s: float = 0.10  # time that a detection by three markers or few blobs, perhaps by chance, must last
+    sure_blobs: int = 7  # number of blobs from which a detection is not by chance
+    near_px: float = 4.0  # largest distance of a blob from a marker of a candidate pose
+    expected_px: float = 20.0  # the same for a marker of the expected pose
     fit_px: float = 1.5  # error above which a blob does not belong to the prop
     fewest_blobs: int = 5  # fewest blobs that determine the pose
     least_score: float = 4.75  # smallest score of a pose; five blobs reach it with errors below a third of a pixel
-    well_explained: float = 0.85  # score per blob from which an expected pose is accepted
-    clearly: float = 0.7  # score by which a pose must beat any other
+    well_explained: float = 0.85  # score per blob above which a pose fitted from the expected one is accepted
+    clearly: float = 0.7  # smallest lead of a pose in score over any other
 
 
 _S = PropSettings()
@@ -97,7 +98,7 @@ class PropTracker:
     """Tracks one prop through the frames of a capture.
 
     Args:
-        cameras: Cameras of the frames' blobs; none for frames that only have points.
+        cameras: Cameras of the frames' blobs; empty for frames that only have points.
     """
 
     def __init__(self, prop: Prop, cameras: Sequence[Camera] = ()) -> None:
@@ -106,10 +107,10 @@ class PropTracker:
         self._last: Placed | None = None
         self._before: Placed | None = None
         self._pose = PropPose(rot.identity(), np.zeros(3))
-        self._unconfirmed_since_s: float | None = None  # time of a detection that may be chance
+        self._unconfirmed_since_s: float | None = None  # time of the first detection that may be by chance
 
     def step(self, frame: MarkerFrame) -> PropDetection:
-        """Return the prop's pose in the next frame, and the frame without its markers."""
+        """Return the prop's pose in the next frame, with the frame without the prop's markers."""
         if self._last is not None and not 0.0 <= frame.time_s - self._last.time_s <= _S.held_s:
             self._forget()
         expected = self._predict(frame.time_s)
@@ -140,7 +141,7 @@ class PropTracker:
         return self._accept(best.placed, images.off_m(best.placed, best.blobs), best.seen, sure, rest)
 
     def _find_places(self, frame: MarkerFrame, images: PropImages, expected: Placed | None) -> list[_Fit]:
-        """Return the different poses in which the images show the prop, best first."""
+        """Return the different poses of the prop that the images may show, best first."""
         found: list[_Fit] = []
         if expected is not None:
             fit = self._fit(images, expected, _S.expected_px)
@@ -181,7 +182,7 @@ class PropTracker:
         return bool(np.max(np.linalg.norm(one.markers(self.prop) - other.markers(self.prop), axis=1)) > _S.elsewhere_m)
 
     def _candidates(self, frame: MarkerFrame, expected: Placed | None) -> list[_PoseCandidate]:
-        """Return the best poses of the prop on points, preferably near the expected one."""
+        """Return the best poses of the prop on points; near the expected pose if there are any."""
         points = frame.points_m
         if len(points) < FEWEST_MARKERS:
             return []
@@ -196,11 +197,11 @@ class PropTracker:
             if near:
                 return near
         found = self._best_fits(frame, tolerances)
-        # while the prop is hidden, three points elsewhere may be chance
+        # while the prop is hidden, three points elsewhere may match by chance
         return [candidate for candidate in found if expected is None or np.sum(candidate.points >= 0) > FEWEST_MARKERS]
 
     def _best_fits(self, frame: MarkerFrame, tolerances: Array, allowed: Mask | None = None) -> list[_PoseCandidate]:
-        """Return the few best poses on matching points, best first; `allowed` (N, M) limits the matches."""
+        """Return the best few poses on matching points, best first; `allowed` (N, M) limits the matches."""
         points_m = frame.points_m
         matches = match_rigid_pattern(points_m, self.prop.spans_m, tolerances, FEWEST_MARKERS, allowed)
         found: list[_PoseCandidate] = []
@@ -219,7 +220,7 @@ class PropTracker:
         return found[: _S.tried]
 
     def _predict(self, time_s: float) -> Placed | None:
-        """Return the expected pose, at constant velocity from the last two frames."""
+        """Return the expected pose, extrapolated at constant velocity from the last two."""
         if self._last is None:
             return None
         last, before = self._last, self._before
@@ -250,9 +251,9 @@ class PropTracker:
         return PropDetection(self._pose, rest)
 
     def _claim_blobs(self, frame: MarkerFrame, images: PropImages, expected: Placed | None) -> PropDetection:
-        """Mark the prop as not found, but let it keep the blobs near its markers for a moment.
+        """Mark the prop as not found, but let it keep the blobs near its expected markers for a moment.
 
-        Otherwise a performer with a hidden hand would get the sword's hilt.
+        Otherwise a performer whose hand is hidden would get the blob on the sword's hilt.
         """
         rest = frame
         if expected is not None and self._last is not None and frame.time_s - self._last.time_s <= _S.claim_s:
@@ -260,7 +261,7 @@ class PropTracker:
         return self._miss(rest)
 
     def _miss(self, rest: MarkerFrame) -> PropDetection:
-        if self._unconfirmed_since_s is not None:  # the detection was chance
+        if self._unconfirmed_since_s is not None:  # the detection was by chance
             self._forget()
         return PropDetection(self.last_pose(), rest)
 
@@ -273,5 +274,5 @@ class PropTracker:
 
 
 def _without_own(frame: MarkerFrame, blobs: IntArray) -> MarkerFrame:
-    """Return the frame without the blobs (M, C)."""
+    """Return the frame without blobs (M, C) of the prop's markers."""
     return without_blobs(frame, [column[column >= 0] for column in blobs.T])

@@ -1,8 +1,9 @@
 """Labelling the blobs of a single camera, frame by frame.
 
-A marker that was just seen is extrapolated in the image. One that was hidden is near the last pose's marker, but less
-certainly the longer it was hidden. One assignment of all blobs to all markers weighs the distance of a blob from a
-marker against this uncertainty; otherwise a marker hidden for long, which may be anywhere, takes its neighbours' blobs.
+A marker that was just visible is extrapolated in the image. A hidden one is expected at its position in the last pose,
+with an uncertainty that grows with the time for which it has been hidden. One assignment of all blobs to all markers
+weighs the distances of blobs from markers against these uncertainties; otherwise a marker hidden for long, which may be
+anywhere, would take its neighbours' blobs.
 """
 
 from copy import copy
@@ -22,17 +23,17 @@ class SingleViewSettings:
     Deviations are measured across the ray at the marker's distance; costs are minus twice the log likelihood.
     """
 
-    memory_s: float = 0.1  # age up to which a movement in the image is used
+    memory_s: float = 0.1  # longest time for which the last movement in the image is used
     image_m: float = 0.006  # standard deviation of an extrapolated marker
-    image_m_s2: float = 30.0  # standard deviation of its acceleration
+    image_m_s2: float = 30.0  # standard deviation of an extrapolated marker's acceleration
     body_m: float = 0.05  # standard deviation of the pose's markers
-    body_m_s: float = 0.5  # growth of this deviation with the time that a marker has been hidden
+    body_m_s: float = 0.5  # growth of this deviation per second that a marker has been hidden
     body_most_m: float = 0.20  # largest such deviation of a marker on a limb
     torso_most_m: float = 0.06  # the same on the torso
     unlikely: float = 20.0  # cost above which a blob does not belong to the marker
-    certain: float = 4.0  # cost up to which no alternative label is tried
-    alternative: float = 12.0  # cost above the best assignment up to which an assignment is an alternative
-    nearest_m: float = 0.1  # smallest distance from the camera
+    certain: float = 4.0  # cost of a label below which no alternatives to it are tried
+    alternative: float = 12.0  # cost relative to the best assignment below which an assignment is an alternative
+    nearest_m: float = 0.1  # smallest depth of a marker
 
 
 _S = SingleViewSettings()
@@ -103,13 +104,13 @@ class SingleViewLabeller:
         from_body = np.sum((points[:, None] - by_body) ** 2, axis=-1) * depth**2
         from_image = np.sum((points[:, None] - by_image) ** 2, axis=-1) * depth**2
         variance = 1.0 / (1.0 / image_m**2 + 1.0 / body_m**2)
-        # the last term is the normalisation: the density of a marker that may be anywhere is low everywhere
+        # the last term is the normalisation: a marker that may be anywhere has a low density everywhere
         costs = from_body / body_m**2 + from_image / image_m**2 + 2.0 * np.log(variance / _S.image_m**2)
         return np.asarray(np.minimum(costs, _S.unlikely))
 
 
 def _assign(costs: Array) -> tuple[float, IntArray]:
-    """Return the lowest cost of labels, and the labels (N,)."""
+    """Return the cheapest labels (N,), preceded by their cost."""
     rows, columns = assign(costs, _S.unlikely)
     labels = np.full(len(costs), -1, dtype=np.int64)
     labels[rows] = columns

@@ -1,8 +1,8 @@
 """Initial labelling of the blobs of a single camera, from a known pose.
 
-The performer stands in a calibration pose in front of the camera and the body is known, so assigning two blobs to two
-markers determines the body's distance. The best of all such placements is refined by alternately assigning the blobs
-and fitting the body to their rays. Later labels follow from the last pose, as with several cameras.
+The performer stands in a calibration pose in front of the camera and the body is known, so two blobs assigned to two
+markers determine the body's distance. The best of all such placements are refined by alternately assigning the blobs
+and fitting the body to their rays. Later frames are labelled by the last pose, as with several cameras.
 """
 
 from collections.abc import Sequence
@@ -25,18 +25,18 @@ class SingleViewStartSettings:
     pairs: int = 4  # number of marker pairs, the farthest apart, to which two blobs are assigned
     nearest_m: float = 0.8  # smallest and largest distance of the performer from the camera
     farthest_m: float = 10.0
-    bent: float = 0.25  # largest deviation of two blobs from their markers' direction, relative to the distance
+    bent: float = 0.25  # largest deviation of two blobs from their markers' direction, as a share of the distance
     gate_m: float = 0.25  # largest distance of a blob from its marker in the first round
-    # factor of the gate per round, down to `missed_m`, so that hidden markers lose others' blobs
+    # factor by which the gate shrinks per round, down to `missed_m`, so that hidden markers lose the blobs of others
     narrowing: float = 0.8
-    missed_m: float = 0.10  # distance that a marker without a blob counts as
+    missed_m: float = 0.10  # distance assumed for a marker without a blob
     refined: int = 2  # number of placements of each pose and heading that are refined
-    closest: int = 12  # number of examples near the body's position that are refined
-    rounds: int = 10  # assignments in one refinement
-    tilt_sigma_rad: float = 0.1  # standard deviation of a standing person's lean from upright
-    sigma_m: float = 0.03  # standard deviation of markers from the pose, which no one holds exactly
+    closest: int = 12  # number of nearest examples that are refined
+    rounds: int = 10  # largest number of assignments in one refinement
+    tilt_sigma_rad: float = 0.1  # standard deviation of the lean of a standing person
+    sigma_m: float = 0.03  # standard deviation of markers from their positions in the pose, which no one holds exactly
     fewest_found: float = 0.7  # share of the markers that must be found
-    farthest_rms_m: float = 0.07  # largest RMS distance of the markers found
+    farthest_rms_m: float = 0.07  # largest RMS distance of the markers found from their rays
 
 
 _S = SingleViewStartSettings()
@@ -102,7 +102,7 @@ def label_near(points: Array, camera: Camera, expected_m: Array, count: int) -> 
 
 
 def _place_by_pairs(points: Array, body: Array) -> list[Array]:
-    """Return likely bodies (M, 3) in the camera's frame from pairs of blobs."""
+    """Return likely bodies (M, 3) in the camera's frame, placed by pairs of blobs."""
     spans = np.linalg.norm(body[:, None, :2] - body[None, :, :2], axis=-1)
     order = np.argsort(spans, axis=None)[::-1][: 2 * _S.pairs : 2]  # each pair occurs twice
     first, second = np.nonzero(~np.eye(len(points), dtype=bool))
@@ -150,7 +150,7 @@ def _refine(points: Array, local: Array, up: Array) -> tuple[float, IntArray, Ar
 
 
 def _fit_to_rays(points: Array, markers: IntArray, start: Array, pose: Array, up: Array) -> tuple[Array, Array]:
-    """Fit the body to its markers' rays by Gauss-Newton; return it and its change of pose (turn, shift).
+    """Fit the body to its markers' rays by Gauss-Newton; return it and its movement from `start` (turn, shift).
 
     The body turns about its centre. A prior keeps it upright (`up` in the camera's frame).
     """
@@ -176,5 +176,5 @@ def _fit_to_rays(points: Array, markers: IntArray, start: Array, pose: Array, up
 
 
 def _ray_offsets(local: Array, points: Array) -> Array:
-    """Return distances (..., 2) of points in the camera's frame from rays, metres across the ray at their depth."""
+    """Return offsets (..., 2) of positions in the camera's frame from rays, metres across the ray at their depth."""
     return np.asarray(local[..., :2] - points * local[..., 2:])

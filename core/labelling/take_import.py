@@ -27,19 +27,19 @@ _UP = np.array([0.0, 1.0, 0.0])
 def import_take(take: MarkerTake, marker_set: MarkerSet, up: str | None) -> MarkerTake:
     """Return a take with y up and its markers under the names of the marker set.
 
-    Labels are matched by `match_labels`. If they do not name the torso and the take has as many markers as the set, the
-    markers are named by their positions on a standing body. A take of one camera is returned unchanged: it is labelled
-    when it is solved, and its calibration contains the world.
+    Labels are matched by `match_labels`. If they do not include the torso markers and the take has as many markers as
+    the set, the markers are named by their positions on a standing body. A take of one camera is returned unchanged: it
+    is labelled when it is solved, and its calibration defines the world.
 
     Args:
         marker_set: Marker set with usual offsets.
-        up: One of `UPS`: the axis of the file that points up; "auto" for the one along which the performer stands or
-            sits for most of the take (`axis_up`), y of a take that is upright; "feet" for the floor under the feet,
-            which becomes y = 0; None for the file's axes.
+        up: One of `UPS`: the axis of the file that points up; "auto" for the axis along which the performer stands or
+            sits for most of the take (`axis_up`), or for y if the take is known to be upright; "feet" for the floor
+            under the feet, which becomes y = 0; None to keep the file's axes.
 
     Raises:
-        TakeError: The markers are not the set's, the body's size is not human, or too few markers are visible at once
-            to find the vertical.
+        TakeError: The markers are not those of the set, the body is not of human size, or too few markers are visible
+            at once to find the vertical.
         MarkerSetError: The set has no usual offsets, but they are needed to find the floor or the names.
     """
     if is_unnamed(take):
@@ -78,10 +78,10 @@ def _by_place(take: MarkerTake, marker_set: MarkerSet, axes: Sequence[str]) -> M
         except TakeError as error:
             problem = problem or error
             continue
-        # names can also be found along a wrong axis, but then the body lies or is upside down
+        # markers can also be named along a wrong axis, but then the body lies or is upside down
         if len(axes) == 1 or axis_up(named, marker_set) == "y":
             found.append(named)
-    if found:  # along a wrong axis some markers are at other markers' positions
+    if found:  # along a wrong axis, some markers get the names of others
         return min(found, key=lambda named: misfit_of_names_m(named, marker_set))
     advice = "choose the marker set that was worn, or give one of your own (TOML) with the file's names"
     raise TakeError(problem.what if problem else "", where=take.name, advice=advice)

@@ -1,6 +1,6 @@
-"""Labelling points in a calibration pose, by a similarity transform of a template.
+"""Labelling points of a body in a calibration pose, by a similarity transform of a template.
 
-Assigning pairs of points to distant template markers gives rough placements; the best are refined.
+Pairs of points assigned to distant template markers give rough placements; the best of these are refined.
 """
 
 from dataclasses import dataclass
@@ -21,9 +21,9 @@ class TemplateSettings:
     gate_m: float = 0.30  # largest distance of a point from its template marker
     scales: tuple[float, float] = (0.8, 1.25)  # size of bodies relative to the template
     pair_tolerance: float = 0.3  # largest relative difference between two points' distance and that of their markers
-    pairs: int = 6  # pairs of template markers tried, the most distant ones
-    refined: int = 60  # rough placements that are refined
-    rounds: int = 8  # assignments of one refinement
+    pairs: int = 6  # number of pairs of template markers tried, the most distant ones
+    refined: int = 60  # number of rough placements that are refined
+    rounds: int = 8  # largest number of assignments in one refinement
     turn_penalty_m: float = 0.02  # cost per radian of turn from the cameras; decides between near-symmetric placements
     fewest_found: float = 0.6  # share of the markers that must be found
 
@@ -66,7 +66,7 @@ def label_by_template(points_m: Array, template_m: Array) -> IntArray:
     for placement in _rough_placements(points_m, template_m):
         first = _assigned(points_m, template_m, placement)[1:]
         key = b"".join(each.tobytes() for each in first)
-        if len(first[0]) < 3 or key in refined:  # the same assignment would be refined to the same
+        if len(first[0]) < 3 or key in refined:  # the same assignment would lead to the same result
             continue
         refined.add(key)
         cost, rows, columns = _refine(points_m, template_m, *first)
@@ -97,7 +97,7 @@ def _rough_placements(points: Array, template: Array) -> list[Similarity]:
 
 
 def _from_pair(template_pair: Array, point_pair: Array, scale: float) -> Similarity:
-    """Return the upright placement in which a pair's heading and centre agree."""
+    """Return the upright placement in which a template pair has the heading and the centre of a pair of points."""
     source, target = template_pair[1] - template_pair[0], point_pair[1] - point_pair[0]
     yaw = np.arctan2(target[0], target[2]) - np.arctan2(source[0], source[2])
     cosine, sine = np.cos(yaw), np.sin(yaw)
@@ -106,13 +106,13 @@ def _from_pair(template_pair: Array, point_pair: Array, scale: float) -> Similar
 
 
 def _assigned(points: Array, template: Array, placed: Similarity) -> tuple[Array, IntArray, IntArray]:
-    """Return the distances (N, M) of points from a placed template's markers, and the assigned (points, markers)."""
+    """Return the distances (N, M) of points from a placed template's markers, and the assignment (points, markers)."""
     distances = cdist(points, placed.apply(template))
     return distances, *assign((distances / _S.gate_m) ** 2)
 
 
 def _refine(points: Array, template: Array, rows: IntArray, columns: IntArray) -> tuple[float, IntArray, IntArray]:
-    """Return cost and (points, markers) after alternating placement and assignment, from a first assignment."""
+    """Return cost and assignment (points, markers) after alternating placement and assignment from a first one."""
     placed = similarity(template[columns], points[rows], _S.scales)
     for _ in range(1, _S.rounds):
         before = rows, columns

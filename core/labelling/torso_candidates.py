@@ -15,12 +15,12 @@ class TorsoSettings:
     """Settings of `TorsoCandidates`; costs are negative log likelihoods."""
 
     missed_cost: float = 6.0  # cost of a torso marker without a point
-    percentiles: tuple[float, float] = (0.5, 99.5)  # range of the examples' distances that limits a torso's
-    stretch: float = 0.1  # relative tolerance beyond these bounds
+    percentiles: tuple[float, float] = (0.5, 99.5)  # percentiles of the examples' distances that limit those of a torso
+    stretch: float = 0.1  # relative tolerance beyond these limits
     stretch_m: float = 0.03  # additional tolerance
     sigma_m: float = 0.05  # smallest standard deviation of a distance
-    choices: int = 4000  # number of choices that are kept
-    chunk: int = 200_000  # choices compared in one step of work
+    choices: int = 4000  # largest number of choices that are kept
+    chunk: int = 200_000  # number of costs computed in one step of work
 
 
 TORSO = TorsoSettings()
@@ -70,7 +70,7 @@ class TorsoCandidates:
         return chosen[np.argsort(cost, kind="stable")]
 
     def _span_costs(self, points_m: Array) -> Search[Mapping[tuple[int, int], FloatArray]]:
-        """Return for each pair of markers the costs (N + 1, N) of two points; last row: first marker hidden."""
+        """Return the costs (N + 1, N) of two points for each pair of markers; in the last row the first is hidden."""
         points = len(points_m)
         norms = np.einsum("nc,nc->n", points_m, points_m)
         squares = norms[:, None] + norms - 2.0 * (points_m @ points_m.T)

@@ -1,7 +1,8 @@
 """Labelled trajectories from the unlabelled points of a recorded take, without a body model.
 
-Points are joined to tracklets by their motion, then tracklets to markers by the distances between markers, which the
-body preserves (exactly on one limb, roughly elsewhere). So a marker that was hidden gets its own label again.
+Points are linked into tracklets by their motion. Tracklets are then assigned to markers by the distances between
+markers, which the body preserves (exactly on one bone, roughly elsewhere), so a marker that was hidden gets its old
+label back.
 """
 
 from collections.abc import Sequence
@@ -22,24 +23,24 @@ class LinkSettings:
     """Settings of `track_markers`, tuned on simulated and recorded takes; costs are squared standard deviations."""
 
     gate_m: float = 0.05  # largest distance between the expected position of a marker at rest and its point
-    fastest_m_s: float = 3.0  # growth of this gate with the time between frames; also the fastest walk
+    fastest_m_s: float = 3.0  # growth of this gate per second between frames; also the fastest walk
     widest_gate_m: float = 0.35
-    young_gate: float = 0.6  # share of the gate for a tracklet that may be a ghost
-    ghost_frames: int = 3  # length up to which it may be a ghost
-    bridge_frames: int = 2  # number of frames that a tracklet can miss
-    slow_rate_s: float = 0.08  # time between frames above which velocities say little and the common shift is used
-    slow_rounds: int = 3  # assignments with a corrected common shift
+    young_gate: float = 0.6  # factor of the gate for a tracklet that may be a ghost
+    ghost_frames: int = 3  # length up to which a tracklet may be a ghost
+    bridge_frames: int = 2  # largest number of frames that a tracklet can miss
+    slow_rate_s: float = 0.08  # time between frames above which a shift common to all points is used, not velocities
+    slow_rounds: int = 3  # number of assignments, each with a corrected common shift
     depth_jump_m: float = 0.25  # additional gate along the line of sight
     depth_trust: float = 0.2  # share of the velocity along the line of sight that is used
-    fair_share: float = 0.25  # share of the frames that must show the usual number of markers
-    structure_sigma_m: float = 0.012  # standard deviation of rigid distances
+    fair_share: float = 0.25  # share of the frames that must show as many points as there are markers
+    structure_sigma_m: float = 0.012  # standard deviation of distances that are rigid
     continuity_m: float = 0.06  # standard deviation of a marker's movement across a gap
-    continuity_m_s: float = 1.5  # growth of this deviation with the length of the gap
-    cost_cap: float = 16.0  # largest cost of one distance
+    continuity_m_s: float = 1.5  # growth of this deviation per second of the gap
+    cost_cap: float = 16.0  # cap on the cost of one distance
     cost_limit: float = 10.0  # cost above which a tracklet belongs to another marker
     young_cost_limit: float = 4.0  # the same for a tracklet that may be a ghost
-    long_frames: int = 10  # length from which tracklets are joined in order of time
-    overlap_frames: int = 2  # number of frames that two tracklets of one marker may share
+    long_frames: int = 10  # length from which tracklets are assigned in order of time, starting from the first
+    overlap_frames: int = 2  # largest number of frames that two tracklets of one marker may share
 
 
 _S = LinkSettings()
@@ -56,13 +57,13 @@ class Tracklet:
 
     @property
     def may_be_ghost(self) -> bool:
-        """Whether it is so short that it may be a false match between two cameras."""
+        """Whether the tracklet is so short that it may be a false match between two cameras."""
         return len(self.frames) <= _S.ghost_frames
 
 
 @dataclass(frozen=True)
 class Tracking:
-    """Tracked take, and for each frame the marker (or -1) of each point."""
+    """Tracked take, with the marker of each point in every frame, -1 for none."""
 
     take: MarkerTake
     labels: tuple[IntArray, ...]
@@ -74,7 +75,7 @@ def track_markers(frames: Sequence[MarkerFrame], name: str, fps: float, count: i
 
     Args:
         frames: Frames in order of time.
-        count: Number of markers; by default the number that a quarter of the frames reach.
+        count: Number of markers; by default the number of points that a quarter of the frames reach.
 
     Raises:
         TakeError: No frame shows enough points.
@@ -93,7 +94,7 @@ def track_markers(frames: Sequence[MarkerFrame], name: str, fps: float, count: i
         linker.fill(marker, tracklet)
     seeds = {id(tracklet) for (tracklet,) in identities}
     rest = [tracklet for tracklet in tracklets if id(tracklet) not in seeds]
-    # long tracklets come first: short ones must not take their place
+    # long tracklets come first, so that short ones do not take their frames
     rest.sort(key=lambda each: (-min(len(each.frames), _S.long_frames), _frames_away(each, seed)))
     dropped = 0
     for tracklet in rest:
@@ -121,10 +122,10 @@ def track_markers(frames: Sequence[MarkerFrame], name: str, fps: float, count: i
 
 
 class _Linker:
-    """Joins points to tracklets, and tracklets to markers.
+    """Links points into tracklets, and assigns tracklets to markers.
 
     Attributes:
-        positions: Positions (F, M, 3) of the markers so far.
+        positions: Positions (F, M, 3) of the markers found so far.
     """
 
     def __init__(self, frames: Sequence[MarkerFrame]) -> None:
@@ -134,7 +135,7 @@ class _Linker:
         self.positions = np.empty((len(frames), 0, 3))
 
     def join_points(self) -> list[Tracklet]:
-        """Return the tracklets of all points."""
+        """Link all points into tracklets."""
         tracklets: list[Tracklet] = []
         active: list[Tracklet] = []
         for f, points in enumerate(self._points):
@@ -151,7 +152,7 @@ class _Linker:
         return tracklets
 
     def _follow(self, active: Sequence[Tracklet], f: int) -> tuple[IntArray, IntArray]:
-        """Return pairs of active tracklets and points of a frame."""
+        """Return indices of active tracklets and of the points of a frame that continue them."""
         points = self._points[f]
         if not active or len(points) == 0:
             return np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64)
@@ -182,7 +183,7 @@ class _Linker:
         tracklet.points.append(point)
 
     def fill(self, marker: int, tracklet: Tracklet) -> None:
-        """Fill a marker's gaps from a tracklet; cut the rest off the tracklet."""
+        """Fill a marker's gaps from a tracklet, and shorten the tracklet to the frames used."""
         kept = [i for i, f in enumerate(tracklet.frames) if np.isnan(self.positions[f, marker, 0])]
         tracklet.frames, tracklet.points = [tracklet.frames[i] for i in kept], [tracklet.points[i] for i in kept]
         self.positions[tracklet.frames, marker] = self._places(tracklet)
@@ -192,10 +193,10 @@ class _Linker:
         return np.array([self._points[f][point] for f, point in rows]).reshape(-1, 3)
 
     def best_identity(self, tracklet: Tracklet) -> int | None:
-        """Return a tracklet's marker, or None if no free one fits."""
+        """Return the marker to which a tracklet belongs, or None if no marker free at that time fits."""
         where, own = np.array(tracklet.frames), self._places(tracklet)
         taken = np.isfinite(self.positions[where, :, 0]).sum(axis=0)
-        # a false point may have ended one tracklet a frame after the next began
+        # a false point may have kept one tracklet going for a frame after the next began
         free = np.flatnonzero(taken <= min(_S.overlap_frames, len(where) // 4))
         if len(free) == 0:
             return None
@@ -205,7 +206,7 @@ class _Linker:
         return int(free[best]) if costs[best] < limit else None
 
     def _structure_cost(self, where: IntArray, own: Array, marker: int) -> float:
-        """Return the mean squared deviation, in sigmas, from usual distances to other markers."""
+        """Return the mean squared deviation, in standard deviations, from usual distances to other markers."""
         usual = np.linalg.norm(self.positions - self.positions[:, marker : marker + 1], axis=2)
         usual[:, marker] = np.nan
         seen = np.isfinite(usual).sum(axis=0)
@@ -220,7 +221,7 @@ class _Linker:
         return float(np.sum(np.nan_to_num(deviation) * weight) / weight.sum())
 
     def _gap_cost(self, where: IntArray, own: Array, marker: int) -> float:
-        """Return the mean squared distance, in sigmas, to the marker's positions before and after."""
+        """Return the mean squared distance, in standard deviations, from the marker's positions before and after."""
         known = np.flatnonzero(np.isfinite(self.positions[:, marker, 0]))
         axis, costs = self._depth_axes[where[0]], []
         before, after = known[known < where[0]], known[known > where[-1]]
@@ -236,8 +237,8 @@ class _Linker:
 def _squared_gates(difference: Array, across: Array | float, depth_axis: Array) -> Array:
     """Return squared distances within gates that are wider along the line of sight.
 
-    Unsynchronised cameras see a marker that moves sideways at different positions: its depth jumps between frames
-    by far more than it moves.
+    Unsynchronised cameras see a marker that moves sideways at different positions, so its depth jumps between frames by
+    far more than the marker moves.
     """
     depth = difference @ depth_axis
     lateral2 = np.sum(difference**2, axis=-1) - depth**2
@@ -245,7 +246,7 @@ def _squared_gates(difference: Array, across: Array | float, depth_axis: Array) 
 
 
 def _depth_axis(frame: MarkerFrame) -> Array:
-    """Return the unit vector of the points' largest uncertainty."""
+    """Return the unit vector (3,) along which the points of a frame are most uncertain."""
     if len(frame.points_m) == 0:
         return np.array([0.0, 0.0, 1.0])
     scaled = frame.covariances_m2 / np.trace(frame.covariances_m2, axis1=1, axis2=2)[:, None, None]
@@ -253,7 +254,7 @@ def _depth_axis(frame: MarkerFrame) -> Array:
 
 
 def _common_shift(expected: Array, points: Array, passed_s: float) -> Array:
-    """Return the shift of the body that brings most expected positions near a point."""
+    """Return the shift (3,) of the body that brings the expected positions closest to the points."""
     shifts = np.concatenate((np.zeros((1, 3)), (points[None] - expected[:, None]).reshape(-1, 3)))
     shifts = shifts[np.linalg.norm(shifts, axis=1) <= _S.fastest_m_s * passed_s]
     nearest = [np.minimum(cdist(expected + shift, points).min(axis=1), _S.widest_gate_m).sum() for shift in shifts]
@@ -261,7 +262,7 @@ def _common_shift(expected: Array, points: Array, passed_s: float) -> Array:
 
 
 def _usual_count(tracklets: Sequence[Tracklet], count: int) -> int:
-    """Return how many markers a fair share of the frames shows, ignoring short tracklets."""
+    """Return the number of markers that a fair share of the frames show, ignoring short tracklets."""
     longest = [tracklet for tracklet in tracklets if not tracklet.may_be_ghost] or list(tracklets)
     shown = np.zeros(count, dtype=np.int64)
     for tracklet in longest:
@@ -274,7 +275,7 @@ def _usual_count(tracklets: Sequence[Tracklet], count: int) -> int:
 
 
 def _seed_frame(alive: Sequence[Sequence[Tracklet]], worn: int) -> int:
-    """Return the frame in which the longest tracklets for all markers are visible at once."""
+    """Return the frame that shows enough tracklets for all markers at once, and the longest ones."""
     scores = [
         sum(sorted((len(tracklet.frames) for tracklet in row), reverse=True)[:worn]) if len(row) >= worn else -1
         for row in alive

@@ -19,7 +19,7 @@ class NamingSettings:
     """Settings of `name_trajectories`."""
 
     samples: int = 25  # number of frames that vote
-    fewest_votes: float = 0.3  # share of these in which most markers must have been recognised
+    fewest_votes: float = 0.3  # share of these frames in which most markers must have been recognised
 
 
 _S = NamingSettings()
@@ -29,7 +29,7 @@ def name_trajectories(take: MarkerTake, marker_set: MarkerSet) -> MarkerTake:
     """Return the take with the order and the names of the marker set.
 
     In frames spread over the take, the points are labelled by a standing body and by one in the T pose, with the set's
-    usual offsets; every frame that fits has a vote.
+    usual offsets; each frame votes for the names that it finds.
 
     Raises:
         TakeError: The number of markers differs from the set's, or the take does not look like the set.
@@ -61,7 +61,7 @@ def name_trajectories(take: MarkerTake, marker_set: MarkerSet) -> MarkerTake:
 def misfit_of_names_m(take: MarkerTake, marker_set: MarkerSet) -> float:
     """Return the median over frames of the RMS distance between a take's markers and the set's on a body scaled to fit.
 
-    The body stands or holds the T pose, whichever is nearer.
+    The body stands or holds the T pose, whichever fits better.
     """
     misfits = []
     for row in take.positions_m[_samples(take)]:

@@ -12,7 +12,7 @@ from ..geometry.rigid_transform import mean_vertical
 from ..markers.marker_set import FEWEST_TORSO, MarkerSet
 from ..markers.marker_take import MarkerTake
 
-TURNS = {  # rotation from a world with this axis up to one with y up
+TURNS = {  # rotation to a world with y up from one with this axis up
     "y": np.eye(3),
     "z": np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]]),
     "-y": np.diag([1.0, -1.0, -1.0]),
@@ -28,12 +28,12 @@ class UpAxisSettings:
 
     samples: int = 60  # largest number of frames that are checked
     fewest: int = 4  # fewest markers in a frame that show the posture of the whole body
-    body: float = 0.7  # weight of the mean cosine between the axis and the vertical of a body fitted to all markers
+    body: float = 0.7  # weight of the mean cosine between the axis and the up direction of a body fitted to all markers
     trunk: float = 0.3  # the same for the torso markers: the torso is upright in a seated body, too
-    moves: float = 0.7  # weight per metre by which the body's top moves further along the axis than its bottom
+    moves: float = 0.7  # weight per metre of the body's top moving further along the axis than its bottom
     most_moves_m: float = 0.5
-    usual: float = 0.2  # weight of y and z, the up axes of most programs
-    outliers: float = 5.0  # percentage of extreme values ignored at either end
+    usual: float = 0.2  # evidence for y and z, the up axes of most programs
+    outliers: float = 5.0  # percentage of extreme values that is ignored at either end
 
 
 _S = UpAxisSettings()
@@ -55,7 +55,7 @@ def axis_up(take: MarkerTake, marker_set: MarkerSet) -> str:
     seen = np.isfinite(rows[..., 0])
     whole = np.flatnonzero(seen.sum(axis=1) >= _S.fewest)
     if not seen.any():
-        return "y"  # nothing to turn
+        return "y"  # there is nothing to turn
     if not len(whole):
         raise TakeError(
             "too few markers are seen at once to find the vertical", where=take.name, advice="say which axis points up"
@@ -80,7 +80,7 @@ def _usual_places(marker_set: MarkerSet) -> Array:
 
 
 def _top_moves_m(heights: Array) -> float:
-    """Return how much further the top of the body moves than its bottom, from marker heights (F, M)."""
+    """Return how much further up and down the body's top moves than its bottom, from marker heights (F, M)."""
     shares = (_S.outliers, 100.0 - _S.outliers)
     top, bottom = (np.ptp(np.percentile(ends, shares)) for ends in (np.nanmax(heights, 1), np.nanmin(heights, 1)))
     return float(np.clip(top - bottom, -_S.most_moves_m, _S.most_moves_m))
