@@ -141,7 +141,7 @@ class VideoSource(ClosableSource):
         if ended and before + 1 < self.frames - 1:  # some containers announce one frame too many
             raise CaptureError(
                 f"cannot be read after frame {before + 1} of {self.frames}",
-                where=self._paths[0],
+                where=ended[0],
                 advice="the file is damaged: export it again",
             )
 
