@@ -142,7 +142,7 @@ def remove(paths: Iterable[Path]) -> int:
             path.unlink()
         except OSError as error:
             what = f"cannot be removed ({error.strerror})"
-            raise TakeError(what, where=str(path), advice="check its folder") from error
+            raise TakeError(what, where=str(path), advice="check that you may write to its folder") from error
         finally:
             forget()
         freed += held
@@ -169,7 +169,9 @@ def _move(path: Path, target: Path) -> None:
         target.mkdir(parents=True, exist_ok=True)
         shutil.move(path, place)
     except OSError as error:
-        raise TakeError(f"cannot be moved ({error.strerror})", where=str(path), advice="check its folder") from error
+        raise TakeError(
+            f"cannot be moved ({error.strerror})", where=str(path), advice="check that you may write to its folder"
+        ) from error
     forget()
 
 

@@ -164,7 +164,7 @@ def _detect(
 ) -> Iterator[MarkerFrame]:
     """Yield the marker frames; append each frame's computing time, s, to `spent_s`."""
     if request.seconds is None and _is_endless(source):
-        raise SettingsError("a live camera never ends", advice="say how many seconds to record")
+        raise SettingsError("a recording from live cameras needs a duration", advice="say how many seconds to record")
     total = int(getattr(source, "frames", 0)) or round((request.seconds or 0.0) * source.fps)
     for done, images in enumerate(source):
         if request.seconds is not None and max(images.times_s) >= request.seconds:
@@ -251,7 +251,7 @@ def _label(
     take = take_of_poses(solved.poses_of(), request.subject.marker_set.names, request.name, fps, request.rig)
     measured, advice = solved.summary(), "check the subject and the marker set"
     if not any(np.isfinite(pose.marker_rms_m) for pose in solved.poses_of()):
-        raise TakeError(f"no frame shows the body of {name}", advice=advice)
+        raise TakeError(f"no frame shows the body of {name}", where=request.name, advice=advice)
     off_mm = measured["marker_rms_mm"]
     wrong = f"the body of {name} does not explain the markers ({off_mm:.0f} mm off): {advice}"
     return take, {

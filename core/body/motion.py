@@ -43,16 +43,24 @@ class Motion:
         shapes = (self.rotations.shape, self.root_positions_m.shape)
         if frames == 0 or shapes != ((frames, len(self.skeleton), 4), (frames, 3)):
             raise FormatError(
-                f"a motion of {len(self.skeleton)} joints cannot have arrays of shapes {shapes}", where=self.name
+                f"a motion of {len(self.skeleton)} joints cannot have arrays of shapes {shapes}",
+                where=self.name,
+                advice="give at least one frame, with a rotation for each joint and a root position",
             )
         if not LEAST_FPS <= self.fps <= MOST_FPS:
-            raise FormatError(f"frame rate {self.fps:g} is not {LEAST_FPS:g} to {MOST_FPS:g} Hz", where=self.name)
+            raise FormatError(
+                f"frame rate {self.fps:g} is not {LEAST_FPS:g} to {MOST_FPS:g} Hz",
+                where=self.name,
+                advice="correct the frame rate",
+            )
         squares = np.einsum("fji,fji->fj", self.rotations, self.rotations)
         if not (squares.min() > _LEAST_SQUARE and squares.max() < _MOST_SQUARE):  # false for NaN, too
-            raise FormatError("a joint's rotation is not a unit quaternion", where=self.name)
+            raise FormatError(
+                "a joint's rotation is not a unit quaternion", where=self.name, advice="normalise the rotations"
+            )
         if not max(self.root_positions_m.max(), -self.root_positions_m.min()) < _FARTHEST_M:
             raise FormatError(
-                f"the root is not within {_FARTHEST_M:g} m of the origin",
+                f"the root is more than {_FARTHEST_M:g} m from the origin",
                 where=self.name,
                 advice="check the unit of length",
             )

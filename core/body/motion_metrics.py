@@ -169,7 +169,11 @@ def _angle_skeleton(chosen: Skeleton, compared: Skeleton) -> Skeleton:
         chosen = with_angle_frames(chosen)
     missing = [name for name in compared.names if name not in chosen.names]
     if missing:
-        raise FormatError("the skeleton that defines the joint angles lacks " + ", ".join(missing[:5]))
+        raise FormatError(
+            "lacks " + ", ".join(missing[:5]),
+            where="skeleton that defines the joint angles",
+            advice="choose one with all compared joints",
+        )
     order = [chosen.index(name) for name in compared.names]
     orders = tuple(chosen.angle_orders[joint] for joint in order)
     return replace(compared, angle_axes=chosen.angle_axes[order], angle_orders=orders)
@@ -233,7 +237,11 @@ def angle_errors_deg(skeleton: Skeleton, mine: Array, theirs: Array) -> tuple[Ar
         columns.append(difference)
         joints += [joint] * a.shape[-1]
     if not columns:
-        raise FormatError("the skeleton that defines the joint angles has no degrees of freedom")
+        raise FormatError(
+            "no joint but the root has degrees of freedom, so there are no angles to compare",
+            where="skeleton that defines the joint angles",
+            advice="choose a skeleton whose joints have angles",
+        )
     return np.degrees(np.concatenate(columns, axis=-1)), np.array(joints)
 
 

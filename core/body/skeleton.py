@@ -10,7 +10,7 @@ from functools import cached_property, lru_cache
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..errors import SkeletonError
+from ..errors import SkeletonError, counted
 from ..geometry import rotations as rot
 from ..geometry.arrays import Array, IntArray, Mask
 
@@ -54,18 +54,39 @@ class Skeleton:
 
     def _check(self, count: int) -> None:
         if count == 0 or len(set(self.names)) != count:
-            raise SkeletonError("a skeleton needs joints with unique names", where=", ".join(self.names[:5]))
+            raise SkeletonError(
+                "a skeleton needs joints with unique names",
+                where=", ".join(self.names[:5]),
+                advice="give each joint a name of its own",
+            )
         shapes = (self.parents.shape, self.offsets_m.shape, self.tips_m.shape, self.angle_axes.shape)
         if shapes != ((count,), (count, 3), (count, 3), (count, 4)) or len(self.angle_orders) != count:
-            raise SkeletonError(f"arrays and angle orders do not match {count} joints (shapes {shapes})")
+            raise SkeletonError(
+                f"parents, offsets, tips and angle axes have shapes {shapes}, and there are "
+                f"{counted(len(self.angle_orders), 'angle order')}, which do not fit {counted(count, 'joint')}",
+                where="skeleton",
+                advice="give one row per joint",
+            )
         if self.parents[0] != -1 or np.any(self.parents[1:] < 0) or np.any(self.parents >= np.arange(count)):
-            raise SkeletonError("joint 0 must be the only root and parents must come before their children")
+            raise SkeletonError(
+                "joint 0 is not the only root, or a parent comes after its child",
+                where="skeleton",
+                advice="sort the joints so that parents come first",
+            )
         if not (np.all(np.isfinite(self.offsets_m)) and np.all(np.isfinite(self.tips_m))):
-            raise SkeletonError("joint offsets must be finite numbers")
+            raise SkeletonError(
+                "an offset or a tip of a joint is not finite", where="skeleton", advice="give finite numbers in metres"
+            )
         if np.any(np.linalg.norm(self.offsets_m[1:], axis=1) > _LONGEST_BONE_M):
-            raise SkeletonError(f"a bone is longer than {_LONGEST_BONE_M:g} m", advice="check the unit of length")
+            raise SkeletonError(
+                f"a bone is longer than {_LONGEST_BONE_M:g} m", where="skeleton", advice="check the unit of length"
+            )
         if not np.all(np.abs(np.linalg.norm(self.angle_axes, axis=1) - 1.0) < 1e-3):
-            raise SkeletonError("the angle axes of a joint are not a unit quaternion")
+            raise SkeletonError(
+                "the angle axes of a joint are not a unit quaternion",
+                where="skeleton",
+                advice="normalise the quaternion",
+            )
 
     def __len__(self) -> int:
         return len(self.names)
@@ -75,7 +96,7 @@ class Skeleton:
         try:
             return self.names.index(name)
         except ValueError:
-            raise SkeletonError(f"there is no joint {name!r}", advice="joints: " + ", ".join(self.names)) from None
+            raise SkeletonError(f"there is no joint {name!r}", advice="choose from " + ", ".join(self.names)) from None
 
     @cached_property
     def levels(self) -> tuple[IntArray, ...]:

@@ -4,7 +4,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ..errors import FormatError
+from ..errors import FormatError, counted
 from ..geometry import rotations as rot
 from ..geometry.arrays import Array, IntArray, Mask
 from .motion import Motion
@@ -48,12 +48,18 @@ class SourceMotion:
         shapes = (self.parents.shape, self.offsets_m.shape, self.tips_m.shape, self.rotations.shape)
         if shapes != ((count,), (count, 3), (count, 3), (frames, count, 4)) or len(self.euler_orders) != count:
             raise FormatError(
-                f"arrays and Euler orders do not match {count} joints (shapes {shapes})", where=self.where
+                f"arrays and Euler orders do not match {counted(count, 'joint')} (shapes {shapes})",
+                where=self.where,
+                advice="give one row and one order per joint",
             )
         if len(self.angle_jumps) == 0:
             object.__setattr__(self, "angle_jumps", np.zeros(frames, dtype=np.bool_))
         if frames == 0 or not self.fps > 0.0:
-            raise FormatError("needs at least one frame and a positive frame rate", where=self.where)
+            raise FormatError(
+                f"has {counted(frames, 'frame')} at {self.fps:g} Hz, but needs at least one, at a positive rate",
+                where=self.where,
+                advice="export it again with animation",
+            )
 
     @property
     def frames(self) -> int:

@@ -1,11 +1,11 @@
 """`perfanim simulate markers` and `cameras`: make takes and videos from motion, with ground truth."""
 
 import argparse
+import math
 from pathlib import Path
 from typing import Any
 
 from ..body.motion import resampled
-from ..errors import SettingsError
 from ..formats.markers.marker_files import check_ending, write_take
 from ..formats.motion.bvh import write_bvh
 from ..formats.motion.read_motion import read_motion
@@ -19,7 +19,7 @@ from ..simulate.studio.studio_rig import FPS, default_rig
 from ..simulate.studio.studio_settings import StudioSettings
 from ..simulate.studio.video import LOSSLESS
 from ..system.progress import Progress
-from .options import add_choice, add_command, add_group, add_number, add_switch, add_text, check_fps, seed
+from .options import add_choice, add_command, add_group, add_number, add_switch, add_text, check_fps, check_range, seed
 
 _CODECS = {"huffyuv": LOSSLESS, "ffv1": (".mkv", "FFV1"), "mjpeg": (".avi", "MJPG"), "mpeg4": (".mp4", "mp4v")}
 
@@ -103,9 +103,9 @@ def _simulate_markers(args: argparse.Namespace, progress: Progress) -> dict[str,
 
 def _simulate_cameras(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     check_fps(args.fps)
-    if min(args.background, args.board_views) < 0 or not 0.0 <= args.t_pose <= 60.0:
-        advice = "give 0 or more images, and 0 to 60 s for the T pose"
-        raise SettingsError("a number of images or the T pose's time is out of range", advice=advice)
+    check_range("--background", args.background, 0, math.inf, "give 0 images or more")
+    check_range("--board-views", args.board_views, 0, math.inf, "give 0 board poses or more")
+    check_range("--t-pose", args.t_pose, 0.0, 60.0, "give 0 to 60 s")
     progress(0.0, "reading")
     motion = resampled(read_motion(args.motion, args.skeleton), args.fps)
     if not args.as_recorded:

@@ -85,7 +85,11 @@ def _outputs(keys: list[Path], out: Path) -> list[tuple[Path, Path]]:
     """
     if len(keys) == 1:
         if not is_motion(out):
-            raise FormatError("is not a motion file", where=str(out), advice=f"use one of {', '.join(MOTION_ENDINGS)}")
+            raise FormatError(
+                "has an extension that cannot be written",
+                where=str(out),
+                advice=f"use one of {', '.join(MOTION_ENDINGS)}",
+            )
         return [(keys[0], out)]
     if is_motion(out):
         raise FormatError("cannot hold several sketches", where=str(out), advice="give a folder with --out")

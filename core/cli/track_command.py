@@ -117,14 +117,14 @@ def _cameras_and_sources(args: argparse.Namespace, rig: CameraRig) -> tuple[Came
     if len(given) == 1:
         if not str(args.out).lower().endswith((".take.npz", ".perftake")):
             raise SettingsError(
-                f"{args.out} cannot hold what one camera shows", advice="write a .take.npz or .perftake"
+                "cannot hold what one camera shows", where=str(args.out), advice="write a .take.npz or .perftake"
             )
         _check_left_out(args, "3D markers, which one camera does not give")
     elif not named:
         return rig, sources
     if indices[-1] >= len(rig):
         raise SettingsError(
-            f"has only {counted(len(rig), 'camera')}",
+            f"has only {counted(len(rig), 'camera')}, but a source is given for camera {indices[-1] + 1}",
             where=str(args.cameras),
             advice="use the calibration of this set-up",
         )

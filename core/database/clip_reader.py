@@ -123,7 +123,7 @@ class _ReaderProcess:
         try:
             return self._read(task)
         except BrokenPipeError:
-            advice = "build with one process"
+            advice = "build the database with one process"
             raise DatabaseError("a process that was reading motion files died", advice=advice) from None
 
     def _read(self, task: Sequence[Any]) -> ReadFile:

@@ -9,7 +9,7 @@ from ..errors import DatabaseError
 from ..geometry.arrays import Array, IntArray
 from ..system.schema import About, Schema, Table, Via, table_of
 
-REBUILD = "build it again with `perfanim database build`, or import the motion again"
+REBUILD = "build it again, or import its motion again"
 _J = len(JOINT_NAMES)
 
 

@@ -13,6 +13,7 @@ from .arrays import Array, ComplexArray, Mask
 
 WORLD_FROM_CAMERA = np.diag([1.0, -1.0, -1.0])
 """World axes until a floor is known, for a level first camera that the performer faces."""
+_AGAIN = "calibrate it again"
 
 
 @dataclass(frozen=True)
@@ -51,18 +52,26 @@ class Camera:
                 value = np.pad(value.ravel()[:5], (0, max(0, 5 - value.size)))
             if value.shape != shape or not np.all(np.isfinite(value)):
                 raise CalibrationError(
-                    f"{key} must be an array of finite numbers with shape {shape}", where=f"camera {self.name}"
+                    f"{key} must be an array of finite numbers with shape {shape}",
+                    where=f"camera {self.name}",
+                    advice=_AGAIN,
                 )
             object.__setattr__(self, key, value)
         places = np.asarray(self.ignored_px, dtype=np.float64)
         places = places.reshape(-1, 2) if places.size == 0 else places
         if places.ndim != 2 or places.shape[1] != 2 or not np.all(np.isfinite(places)):
-            raise CalibrationError("ignored positions must be pairs of finite numbers", where=f"camera {self.name}")
+            raise CalibrationError(
+                "ignored positions must be pairs of finite numbers",
+                where=f"camera {self.name}",
+                advice="correct them, or calibrate again",
+            )
         object.__setattr__(self, "ignored_px", places)
         if min(size) <= 0 or self.matrix[0, 0] <= 0.0 or self.matrix[1, 1] <= 0.0:
-            raise CalibrationError("image size and focal lengths must be positive", where=f"camera {self.name}")
+            raise CalibrationError(
+                "image size and focal lengths must be positive", where=f"camera {self.name}", advice=_AGAIN
+            )
         if np.abs(self.rotation @ self.rotation.T - np.eye(3)).max() > 1e-6 or np.linalg.det(self.rotation) < 0:
-            raise CalibrationError("rotation is not a rotation matrix", where=f"camera {self.name}")
+            raise CalibrationError("its rotation is not a rotation matrix", where=f"camera {self.name}", advice=_AGAIN)
 
     @property
     def centre_m(self) -> Array:
@@ -188,7 +197,7 @@ class CameraRig:
     def __post_init__(self) -> None:
         object.__setattr__(self, "cameras", tuple(self.cameras))
         if not self.cameras:
-            raise CalibrationError("a camera rig needs at least one camera")
+            raise CalibrationError("needs at least one camera", where="camera rig", advice="calibrate a camera first")
 
     def __len__(self) -> int:
         return len(self.cameras)

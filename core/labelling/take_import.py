@@ -84,7 +84,9 @@ def _by_place(take: MarkerTake, marker_set: MarkerSet, axes: Sequence[str]) -> M
     if found:  # along a wrong axis, some markers get the names of others
         return min(found, key=lambda named: misfit_of_names_m(named, marker_set))
     advice = "choose the marker set that was worn, or give one of your own (TOML) with the file's names"
-    raise TakeError(problem.what if problem else "", where=take.name, advice=advice)
+    raise TakeError(
+        problem.what if problem else "along no axis of the take is the body upright", where=take.name, advice=advice
+    )
 
 
 def _on_floor(take: MarkerTake, marker_set: MarkerSet) -> MarkerTake:

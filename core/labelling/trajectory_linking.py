@@ -282,8 +282,8 @@ def _seed_frame(alive: Sequence[Sequence[Tracklet]], worn: int) -> int:
     ]
     if max(scores, default=-1) < 0:
         raise TakeError(
-            f"no frame locates more than {max(map(len, alive), default=0)} of {counted(worn, 'marker')}",
-            advice="check that both cameras see the markers, or give the right marker set",
+            f"no frame shows more than {max(map(len, alive), default=0)} of {counted(worn, 'marker')}",
+            advice="check that both cameras see the markers, or choose the marker set that was worn",
         )
     return int(np.argmax(scores))
 

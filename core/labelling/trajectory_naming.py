@@ -49,7 +49,7 @@ def name_trajectories(take: MarkerTake, marker_set: MarkerSet) -> MarkerTake:
     rows, columns = linear_sum_assignment(-votes)
     if np.median(votes[rows, columns]) < _S.fewest_votes * len(chosen):
         raise TakeError(
-            f"the markers are not where the marker set {marker_set.name} has them",
+            f"the markers' positions do not fit the marker set {marker_set.name}",
             where=take.name,
             advice="track without a marker set, or correct the set's offset_m",
         )

@@ -91,7 +91,7 @@ def _low_pass(cutoff_hz: float, fps: float, name: str) -> Array | None:
     """Return the weights (2, 3) of a Butterworth filter's inputs and outputs, newest first; None if none is needed."""
     if not 0.0 < cutoff_hz < 0.5 * fps:
         raise SettingsError(
-            f"smoothing at {cutoff_hz:g} Hz is out of range",
+            f"a cut-off frequency of {cutoff_hz:g} Hz for smoothing is out of range",
             where=name,
             advice=f"give a frequency above 0 and below half the frame rate, {0.5 * fps:.3g} Hz",
         )

@@ -41,11 +41,16 @@ class MarkerFrame:
             object.__setattr__(self, "detected", self.blobs)
         if len(self.detected) != cameras:
             raise CaptureError(
-                f"has images of {counted(len(self.detected), 'camera')}, but blobs of {cameras}",
+                f"has detected blobs of {counted(len(self.detected), 'camera')}, but blobs of {cameras}",
                 where=f"frame {self.number}",
+                advice="give both for every camera",
             )
         if self.normalised and [len(rows) for rows in self.normalised] != [len(rows) for rows in self.blobs]:
-            raise CaptureError("the normalised coordinates do not match the blobs", where=f"frame {self.number}")
+            raise CaptureError(
+                "the normalised coordinates do not match the blobs",
+                where=f"frame {self.number}",
+                advice="give one pair for each blob",
+            )
         if len(self.labels) == 0 and points:
             object.__setattr__(self, "labels", np.full(points, -1, dtype=np.int64))
         if len(self.single_labels) == 0 and rays:
@@ -67,7 +72,9 @@ class MarkerFrame:
         for name, shape in expected.items():
             if getattr(self, name).shape != shape:
                 raise CaptureError(
-                    f"{name} has shape {getattr(self, name).shape}, not {shape}", where=f"frame {self.number}"
+                    f"{name} has shape {getattr(self, name).shape}, not {shape}",
+                    where=f"frame {self.number}",
+                    advice="give one row for each point, ray or camera",
                 )
 
 

@@ -43,7 +43,9 @@ def unpack(data: bytes) -> MarkerFrame:
     magic, version, cameras, number, time_s, points, rays, note_bytes, body_bytes = _HEADER.unpack_from(data)
     if magic != _MAGIC or not _OLDEST <= version <= _VERSION:
         raise CaptureError(
-            "the capture process is of another version", advice="restart Blender after updating the extension"
+            "sent marker frames of another version of Perfanim",
+            where="worker",
+            advice="restart Blender after updating the extension",
         )
     reader = _Reader(data, _HEADER.size)
     counts = reader.array((2 if version == _OLDEST else 3, cameras), "<u4")

@@ -59,17 +59,22 @@ class MarkerSet:
     def __post_init__(self) -> None:
         names = [marker.name for marker in self.markers]
         if not names or len(set(names)) != len(names):
-            raise MarkerSetError("needs markers with unique names", where=f"marker set {self.name}")
+            raise MarkerSetError(
+                "needs markers with unique names",
+                where=f"marker set {self.name}",
+                advice="give each marker a name of its own",
+            )
         if sum(marker.torso for marker in self.markers) < FEWEST_TORSO:
             raise MarkerSetError(
                 f"needs at least {FEWEST_TORSO} markers with torso = true to find the root",
                 where=f"marker set {self.name}",
+                advice="mark more of the markers on the torso",
             )
         for marker in self.markers:
             if marker.offset_m is not None and not np.all(np.abs(marker.offset_m) < _FARTHEST_M):  # false for NaN, too
                 raise MarkerSetError(
                     f"offset_m must be three numbers below {_FARTHEST_M:g}", where=f"marker {marker.name}",
-                    advice="give metres",
+                    advice="give it in metres",
                 )  # fmt: skip
 
     def __len__(self) -> int:
@@ -96,7 +101,7 @@ class MarkerSet:
         missing = [marker.name for marker in self.markers if marker.offset_m is None]
         if missing:
             raise MarkerSetError(
-                "no offset for " + ", ".join(missing),
+                "has no offset for " + ", ".join(missing),
                 where=f"marker set {self.name}",
                 advice="calibrate the subject, or give offset_m",
             )

@@ -67,12 +67,16 @@ class MarkerTake:
             raise TakeError(
                 f"positions of shape {self.positions_m.shape} do not match {counted(len(self.names), 'marker')}",
                 where=self.name,
-                advice="a take needs at least one frame and one marker",
+                advice="give one (x, y, z) for each frame and marker, at least one of both",
             )
         if len(set(self.names)) != len(self.names):
             raise TakeError("marker names are not unique", where=self.name, advice="give every marker its own name")
         if not 0.0 < self.fps <= MOST_FPS:
-            raise TakeError(f"the frame rate, {self.fps:g}, must be positive and at most {MOST_FPS:g}", where=self.name)
+            raise TakeError(
+                f"the frame rate, {self.fps:g} Hz, must be positive and at most {MOST_FPS:g} Hz",
+                where=self.name,
+                advice="correct it, or export the take again",
+            )
         if np.shape(self.frame_numbers) != (frames,) or np.shape(self.times_s) != (frames,):
             raise TakeError(
                 "frame numbers or times do not fit the number of frames",
@@ -94,9 +98,9 @@ class MarkerTake:
             or single.points.shape != (*shape, 2)
         ):
             raise TakeError(
-                "single-camera markers do not match the markers and frames",
+                "the arrays of single-camera observations do not match the markers and frames",
                 where=self.name,
-                advice="give a camera and a point for each",
+                advice="give a camera and a point for each marker and frame",
             )
         if not np.all((single.cameras >= -1) & (single.cameras < len(single.rig))):
             raise TakeError(

@@ -81,7 +81,11 @@ class Prop:
         object.__setattr__(self, "positions_m", places)
         object.__setattr__(self, "names", tuple(self.names))
         if places.shape != (len(self.names), 3) or not np.all(np.isfinite(places)):
-            raise PropError("every marker needs three finite numbers as its position_m", where=self._where)
+            raise PropError(
+                "every marker needs three finite numbers as its position_m",
+                where=self._where,
+                advice="give them in metres",
+            )
         if not FEWEST_MARKERS <= len(places) <= MOST_MARKERS:
             raise PropError(
                 f"has {counted(len(places), 'marker')}",
@@ -89,7 +93,11 @@ class Prop:
                 advice=f"use {FEWEST_MARKERS} to {MOST_MARKERS}",
             )
         if not self.name or len(set(self.names)) != len(self.names):
-            raise PropError("needs a name, and markers with unique names", where=self._where)
+            raise PropError(
+                "needs a name, and markers with unique names",
+                where=self._where,
+                advice="name the prop and each of its markers",
+            )
         self._check_apart()
         if planarity_m(places) < RULES.planarity_m:
             raise PropError(
@@ -113,8 +121,8 @@ class Prop:
         first, second = np.unravel_index(int(np.argmin(spans)), spans.shape)
         if spans[first, second] < RULES.apart_m:
             raise PropError(
-                f"{self.names[first]} and {self.names[second]} are {1e3 * spans[first, second]:.0f} mm apart: "
-                "the cameras see one blob",
+                f"{self.names[first]} and {self.names[second]} are {1e3 * spans[first, second]:.0f} mm apart, "
+                "so the cameras see one blob",
                 where=self._where,
                 advice=f"put them at least {1e3 * RULES.apart_m:.0f} mm apart",
             )
@@ -129,7 +137,7 @@ class Prop:
             if len(exchanged) and place_pattern(self.positions_m, self.positions_m[way])[2] < RULES.alike_m:
                 exchanged_names = ", ".join(self.names[marker] for marker in exchanged)
                 raise PropError(
-                    f"looks the same in another position, with {exchanged_names} exchanged",
+                    f"looks the same in another orientation, with {exchanged_names} exchanged",
                     where=self._where,
                     advice="move one of them by 3 cm or more, so that no distance between two markers occurs twice",
                 )

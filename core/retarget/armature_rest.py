@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..errors import CharacterError
+from ..errors import CharacterError, counted
 from ..geometry.arrays import Array, Mask
 from .bone_tree import BoneTree
 
@@ -40,9 +40,15 @@ class ArmatureRest(BoneTree):
             raise CharacterError("the armature has no bones", advice="pick the armature that moves the character")
         shapes = [array.shape for array in (self.parents, self.heads, self.tails, self.axes)]
         if shapes != [(count,), (count, 3), (count, 3), (count, 3, 3)]:
-            raise CharacterError(f"{count} bones cannot have arrays of shapes {shapes}")
+            raise CharacterError(
+                f"{counted(count, 'bone')} cannot have arrays of shapes {shapes}",
+                where="armature",
+                advice="give one row per bone",
+            )
         if np.any(self.parents >= np.arange(count)):
-            raise CharacterError("parents must come before their children")
+            raise CharacterError(
+                "a parent comes after its child", where="armature", advice="sort the bones so that parents come first"
+            )
 
     def mover(self, bone: int) -> int:
         """Return the bone that moves a bone: itself, or the nearest ancestor with a location of its own."""

@@ -131,7 +131,7 @@ def read_sketch(path: Path | str) -> Sketch:
     where = str(path)
     text = decode_text(read_bytes(path), where, "sketch")
     if "\x00" in text:
-        raise FormatError("is not a text file", where=where)
+        raise FormatError("is not a text file", where=where, advice="save the sketch as CSV")
     lines = [(number, line) for number, line in enumerate(text.splitlines(), start=1) if line.strip()]
     rows = [(number, line) for number, line in lines if not line.startswith("#")]
     keys: dict[str, list[list[float]]] = {}
@@ -165,7 +165,7 @@ def _key(line: str, where: str) -> tuple[str, list[float]]:
         raise FormatError(f"has {len(cells)} fields, not {len(_HEADER)}", where=where, advice=_ADVICE)
     joint = cells[0].strip()
     if joint not in JOINT_NAMES:
-        raise FormatError(f"there is no joint {joint!r}", where=where, advice="joints: " + ", ".join(JOINT_NAMES))
+        raise FormatError(f"there is no joint {joint!r}", where=where, advice="choose from " + ", ".join(JOINT_NAMES))
     frame, *position = numbers_of(cells[1:], where)
     if not all(math.isfinite(value) for value in (frame, *position)) or frame != round(frame):
         raise FormatError("needs a whole frame number and a finite position", where=where, advice=_ADVICE)

@@ -59,7 +59,7 @@ def choose_markers(
         raise MarkerSetError(
             f"cannot choose {count} of {counted(len(free), 'marker')}, {len(torso)} of them on the torso",
             where=f"marker set {subject.marker_set.name}",
-            advice=f"choose at least {FEWEST_TORSO} that the take has; it needs {FEWEST_TORSO} on the torso",
+            advice=f"choose at least {FEWEST_TORSO} that the take has, which needs {FEWEST_TORSO} on the torso",
         )
     covariance = _covariance(subject, database)
     size = 3 * len(subject.skeleton)

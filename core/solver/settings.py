@@ -15,7 +15,7 @@ def _check_ascending(settings: object, *names: str) -> None:
     for name in names:
         values = getattr(settings, name)
         if not values or list(values) != sorted(set(values)):
-            raise SettingsError(f"{name} must be different numbers in ascending order")
+            raise SettingsError(f"{name} must be numbers in ascending order without repetitions")
 
 
 _QUERY = About("marker distance that counts as much as a radian of pose in the search", "m", above=0.0)

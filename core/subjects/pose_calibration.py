@@ -263,7 +263,9 @@ def _check_seen(seen: Mask, marker_set: MarkerSet, name: str) -> None:
     unseen = [marker for marker, there in zip(marker_set.names, seen.any(axis=0), strict=True) if not there]
     if unseen:
         raise SubjectError(
-            "never seen: " + ", ".join(unseen), where=name, advice="record the pose again, or use a smaller marker set"
+            "no frame shows " + ", ".join(unseen),
+            where=name,
+            advice="record the pose again, or use a smaller marker set",
         )
 
 

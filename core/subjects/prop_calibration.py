@@ -63,7 +63,7 @@ def calibrate_prop(take: MarkerTake, name: str, markers: Sequence[str] = ()) -> 
         raise PropError(
             f"{counted(len(chosen), 'marker')} cannot define a pose",
             where=take.name,
-            advice=f"name {FEWEST_MARKERS} or more",
+            advice=f"name {FEWEST_MARKERS} or more markers",
         )
     if len(chosen) > MOST_MARKERS:
         raise PropError(
@@ -103,7 +103,7 @@ def _largest_group(take: MarkerTake) -> list[int]:
         )
     if len(groups) > 1 and len(groups[-2]) == len(groups[-1]):
         choices = " or ".join(", ".join(take.names[index] for index in sorted(group)) for group in groups[-2:])
-        raise PropError(f"the prop may be {choices}", where=take.name, advice="name its markers")
+        raise PropError(f"the prop's markers may be {choices}", where=take.name, advice="name those of the prop")
     return sorted(groups[-1])
 
 

@@ -21,11 +21,13 @@ def load_bodies(path: Path | str = SKELETONS) -> tuple[Skeleton, ...]:
     try:
         facts = json.loads(Path(path).read_text(encoding="utf-8"))
         if facts["version"] != 1 or tuple(facts["joints"]) != JOINT_NAMES:
-            advice = "use the file of this version"
+            advice = "use the file that came with this version"
             raise SkeletonError("was written by another version, or for other joints", where=str(path), advice=advice)
         return tuple(
             Skeleton(plain.names, plain.parents, np.array(row["offsets_m"]), np.array(row["tips_m"]))
             for row in facts["skeletons"]
         )
     except (OSError, ValueError, KeyError, TypeError) as error:
-        raise SkeletonError(f"cannot be read as skeletons: {error}", where=str(path)) from error
+        raise SkeletonError(
+            f"cannot be read as skeletons ({error})", where=str(path), advice="use the file that came with this version"
+        ) from error

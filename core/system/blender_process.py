@@ -30,7 +30,7 @@ def run_in_blender(entry: str, arguments: Sequence[str], blender: str | None = N
     done = subprocess.run(_command(blender, entry, arguments), capture_output=True, text=True, check=False)
     prefix = f"{entry.partition(':')[0].rpartition('.')[2]}: "
     if done.returncode != 0:
-        lines = [line for line in done.stderr.splitlines() if line.strip()] or ["it ended without a message"]
+        lines = [line for line in done.stderr.splitlines() if line.strip()] or ["Blender ended without a message"]
         said = next((line for line in lines if line.startswith(prefix)), lines[-1])
         raise CharacterError(said.removeprefix(prefix))
     # Blender prints lines of its own as well

@@ -19,7 +19,9 @@ def check_no_input(out: Path | str, inputs: Iterable[Path | str]) -> None:
     for path in inputs:
         with suppress(OSError, ValueError):  # does not exist, or is not a valid file name
             if os.path.samefile(out, path):  # noqa: PTH121 - pathlib's raises for NUL
-                raise FormatError("would be overwritten", where=str(path), advice="give the output another name")
+                raise FormatError(
+                    "is an input and would be overwritten", where=str(path), advice="give the output another name"
+                )
 
 
 @contextmanager

@@ -347,7 +347,7 @@ def _read(cls: type[_T], table: Table, where: str) -> _T:
     """Return what a table describes; unknown keys are rejected if the dataclass has `is_closed`."""
     unknown = sorted(set(table) - {key.name for key in keys_of(cls)}) if getattr(cls, "is_closed", False) else ()
     if unknown:
-        raise _MisfitError(where, f"unknown setting {shorten(unknown[0], 40)}")
+        raise _MisfitError(where, f"has an unknown setting {shorten(unknown[0], 40)!r}")
     values = {}
     for key in keys_of(cls):
         value = table.get(key.name)

@@ -47,7 +47,9 @@ def main(port: int, token: str, name: str) -> int:
     except Exception as error:
         # this process has no terminal: the traceback goes to its log, and the user gets one line
         traceback.print_exc()
-        channel.send_error(CaptureError(f"failed unexpectedly: {type(error).__name__}: {error}", where="worker"))
+        channel.send_error(
+            CaptureError(f"failed unexpectedly: {type(error).__name__}: {error}", where="worker", advice="report this")
+        )
         return 1
     finally:
         channel.close()

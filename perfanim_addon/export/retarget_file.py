@@ -118,7 +118,9 @@ def _shown_frame(motion: Motion, picture: Picture | None) -> int:
     if picture is None or picture.frame is None:
         return (motion.frames + 1) // 2
     if not 1 <= picture.frame <= motion.frames:
-        raise CharacterError(f"frame {picture.frame} is outside 1 to {motion.frames}", where=motion.name)
+        raise CharacterError(
+            f"has no frame {picture.frame}", where=motion.name, advice=f"choose a frame from 1 to {motion.frames}"
+        )
     return picture.frame
 
 

@@ -138,7 +138,7 @@ class PERFANIM_OT_use_profile(UndoOperator, bpy.types.Operator):
     def run(self, context: bpy.types.Context) -> None:
         targets = context.scene.perfanim_targets.entries
         if self.target >= len(targets):
-            raise SubjectError("the target is gone", advice="choose another in the list")
+            raise SubjectError("the chosen target was removed", advice="choose another in the list")
         owner = targets[self.target] if self.target >= 0 else settings(context)
         owner.subject = self.profile
 

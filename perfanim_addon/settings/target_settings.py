@@ -69,10 +69,10 @@ def subject_of(entry: PERFANIM_PG_target) -> Subject:
     if entry.subject:
         return readiness.subject(absolute(entry.subject))
     scene, chosen = entry.id_data, entry.id_data.perfanim
-    if not readiness.is_known(chosen):
-        advice = "choose the subject under Additional Targets"
-        raise SubjectError("a further performer is not calibrated", advice=advice)
     number = of_kind(scene, "PERFORMER").index(entry) + 2
+    if not readiness.is_known(chosen):
+        advice = "choose its subject under Additional Targets"
+        raise SubjectError("has no subject", where=f"Performer {number}", advice=advice)
     return Subject(f"Performer {number}", default_skeleton(SIMULATED_HEIGHT_M), readiness.marker_set(chosen))
 
 

@@ -108,7 +108,7 @@ def key_controls(context: bpy.types.Context, armature_object: bpy.types.Object) 
         chosen.rough = playing
     elif playing is not None and chosen.rough is None:
         advice = "choose the rough action in the Action Editor"
-        raise SettingsError("was solved from a sketch", where=playing.name, advice=advice)
+        raise SettingsError("is a solved sketch, not a rough action", where=playing.name, advice=advice)
     if chosen.rough is None or chosen.rough == playing:
         return _key_where_keyed(context, armature_object)
     before = played(armature_object)

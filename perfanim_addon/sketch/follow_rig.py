@@ -17,7 +17,7 @@ def rough_copy(context: bpy.types.Context, armature_object: bpy.types.Object) ->
     action = armature_object.animation_data.action
     if STORED in action:
         advice = "choose the rough action in the Action Editor, or select a roughly animated rig"
-        raise SettingsError("was solved from a sketch", where=action.name, advice=advice)
+        raise SettingsError("is a solved sketch, not a rough action", where=action.name, advice=advice)
     rig = armature_object.copy()
     rig.name = f"Rough {armature_object.name}"
     rig.perfanim_sketch.controls = None  # the controls belong to the character
@@ -37,7 +37,9 @@ def follow(armature_object: bpy.types.Object, rig: bpy.types.Object) -> int:
     bones, controls = bones_of(rig), controls_of(armature_object)
     missing = [each.name for joint, each in controls.items() if joint not in bones]
     if missing:
-        raise CharacterError(f"there is no bone for {', '.join(missing)}", where=rig.name, advice="delete this control")
+        raise CharacterError(
+            f"there is no bone for {', '.join(missing)}", where=rig.name, advice="delete the controls without a bone"
+        )
     for joint, control in controls.items():
         set_free(control)
         held = control.constraints.new("COPY_LOCATION")

@@ -52,8 +52,10 @@ def read_controls(
             points_m = space.points_from_scene(np.array([keys[frame] for frame in sorted(keys)]))
             farthest_m = float(np.max(np.abs(points_m)))
             if not farthest_m <= EDITING.farthest_m:
-                advice = f"keep it within {EDITING.farthest_m:g} m of the character's origin"
-                raise SettingsError(f"a key lies {farthest_m:.0f} m away", where=control.name, advice=advice)
+                advice = f"keep its keys within {EDITING.farthest_m:g} m"
+                raise SettingsError(
+                    f"has a key {farthest_m:.0f} m from the character's origin", where=control.name, advice=advice
+                )
             drawn_m = None if drawn is None else space.points_from_scene(drawn)
             is_free = joint == "root" and armature_object.perfanim_sketch.free_height
             found.append(Control(joint, frames, points_m, drawn_m, is_free))
@@ -66,8 +68,10 @@ def read_controls(
         raise SettingsError(f"the scene has {sketch.fps:g} frames per second", advice=advice)
     first, last = min(each.frames[0] for each in found), max(each.frames[-1] for each in found)
     if last - first >= LIMITS.most_frames:
-        message = f"the keys span {last - first:.0f} frames, but at most {LIMITS.most_frames} are possible"
-        raise SettingsError(message, advice="move the last key closer")
+        message = (
+            f"the keys of its controls span {last - first:.0f} frames, but at most {LIMITS.most_frames} are possible"
+        )
+        raise SettingsError(message, where=armature_object.name, advice="move the first or the last key closer")
     return sketch
 
 

@@ -253,14 +253,20 @@ def _row_takes(row: Table, shared: Mapping[str, Value], folder: Path, where: str
         takes = _find_takes(take, folder, where)
         if name and len(takes) > 1:
             raise SettingsError(
-                f"the name {name!r} is given to {len(takes)} takes", where=where, advice="leave name out"
+                f"the name {name!r} is given to {len(takes)} takes",
+                where=where,
+                advice="leave `name` out, and each take is named after its file",
             )
         return [(name, TakePlan("", label, path, options)) for label, path in takes]
     images = [key for key in ("left", "camera") if own.get(key)]
     if not images:
-        raise SettingsError("names neither a take nor videos", where=where, advice="name one or the other")
+        raise SettingsError(
+            "names neither a take nor videos", where=where, advice="name a take, or the videos of its cameras"
+        )
     if "cameras" not in options:
-        raise SettingsError("has videos but no calibration", where=where, advice="name the calibration in cameras")
+        raise SettingsError(
+            "has videos but no calibration", where=where, advice="add the key 'cameras' with the calibration file"
+        )
     first = own[images[0]]
     first = first[0].rpartition("=")[2] if isinstance(first, list) else first
     return [(name, TakePlan("", first, "", options))]

@@ -31,7 +31,7 @@ def write_strip(solved: SolvedTake, path: Path) -> None:
     """
     done, data = cv2.imencode(".jpg", np.vstack((_poses(solved), _bar(solved))), [cv2.IMWRITE_JPEG_QUALITY, _QUALITY])
     if not done:
-        raise FormatError("the picture could not be encoded", where=str(path))
+        raise FormatError("the picture could not be encoded", where=str(path), advice="report this")
     path.write_bytes(data.tobytes())
 
 

@@ -71,7 +71,7 @@ def _patterns(args: argparse.Namespace) -> dict[str, str]:
         name, separator, pattern = entry.partition("=")
         if not (name and separator and pattern) or name in patterns:
             advice = "give each camera once, such as --camera top='top/*.png'"
-            raise SettingsError(f"--camera {entry!r} is not NAME=GLOB with a new name", advice=advice)
+            raise SettingsError(f"{entry!r} is not NAME=GLOB, or repeats a name", where="--camera", advice=advice)
         patterns[name] = pattern
     if not patterns:
         raise SettingsError("pictures of the board are needed", advice="give --left and --right, or --camera")

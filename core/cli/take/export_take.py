@@ -32,7 +32,9 @@ def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     out = Path(args.out)
     check_ending(out, (*MOTION_ENDINGS, *WRITABLE))
     if args.prop is not None and out.suffix.lower() != ".csv":
-        raise SettingsError(f"{out} does not end in .csv", advice="a prop's poses are written as a .csv table")
+        raise SettingsError(
+            "does not end in .csv", where=str(out), advice="a prop's poses are written as a table: name a .csv file"
+        )
     progress(0.0, "reading")
     if not is_recorded(args.take):
         if args.prop is not None or args.performer is not None:

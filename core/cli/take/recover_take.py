@@ -24,7 +24,7 @@ def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     path = Path(args.take)
     out = Path(args.out) if args.out else path.with_name(f"{take_name(path)}-recovered{ENDING}")
     if not is_recorded(out):
-        raise SettingsError(f"{out} does not end in {ENDING}", advice="recorded takes have this extension")
+        raise SettingsError(f"does not end in {ENDING}", where=str(out), advice="name a file with this extension")
     if exists(out) and not args.out:
         raise FormatError("already exists", where=str(out), advice="give another name with --out")
     progress(0.0, "reading")

@@ -20,7 +20,9 @@ def write_c3d(take: MarkerTake, path: Path | str) -> None:
     """Write a take of at most 255 markers as C3D; missing frames and markers have the residual -1."""
     if len(take.names) > _MOST_NAMES:
         raise FormatError(
-            f"{len(take.names)} markers do not fit", where=str(path), advice=f"C3D holds {_MOST_NAMES}; write .csv"
+            f"{len(take.names)} markers do not fit, because a C3D file holds at most {_MOST_NAMES}",
+            where=str(path),
+            advice="write a .csv file",
         )
     rows = take.frame_numbers - take.frame_numbers[0]
     frames = int(rows[-1]) + 1

@@ -57,7 +57,7 @@ def read_csv(path: Path | str) -> MarkerTake:
     try:
         rows = [row or _BLANK for row in csv.reader(io.StringIO(text, newline=None), delimiter=separator)]
     except csv.Error as error:
-        raise FormatError(f"is not CSV ({error})", where=where) from error
+        raise FormatError(f"is not CSV ({error})", where=where, advice="export it as CSV") from error
     if rows and rows[0] and rows[0][0].strip() == "Format Version":
         return _motive(rows, where)
     return _plain(rows, where)
@@ -103,7 +103,7 @@ def _motive(rows: list[list[str]], where: str) -> MarkerTake:
 def _plain(rows: list[list[str]], where: str) -> MarkerTake:
     head = next((i for i, row in enumerate(rows) if any(cell.strip() for cell in row) and row[0][:1] != "#"), None)
     if head is None:
-        raise FormatError("is empty", where=where)
+        raise FormatError("is empty", where=where, advice="export it again")
     header = [cell.strip() for cell in rows[head]]
     if {cell.lower() for cell in header} >= _LONG:
         return _long(rows, head, header, where)
@@ -149,7 +149,7 @@ def _long(rows: list[list[str]], head: int, header: list[str], where: str) -> Ma
         if clock is not None:
             stamps.setdefault(numbers[-1][0], _cell(row, clock))
     if not numbers:
-        raise FormatError("has no frames", where=where)
+        raise FormatError("has no frames", where=where, advice="export it again")
     values = np.array(numbers)
     frames, at = np.unique(values[:, 0], return_inverse=True)
     labels = list(dict.fromkeys(names))

@@ -42,7 +42,9 @@ def read_trc(path: Path | str) -> MarkerTake:
 
 def _header(lines: list[str], where: str) -> dict[str, str]:
     if not lines[0].lower().startswith("pathfiletype"):
-        raise FormatError("is not a TRC file (it does not begin with PathFileType)", where=where)
+        raise FormatError(
+            "is not a TRC file (it does not begin with PathFileType)", where=where, advice="export it as TRC"
+        )
     if len(lines) < 3:
         raise FormatError("ends within its header", where=where, advice="export it again")
     keys, values = ([field.strip() for field in line.split(separator_of(lines[1]))] for line in lines[1:3])

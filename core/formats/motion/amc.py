@@ -75,7 +75,7 @@ def _stripped(body: bytes) -> bytes:
 def _first_frame(content: bytes, where: str) -> int:
     match = re.search(rb"(?m)^[ \t]*\d+[ \t]*\n[ \t]*[A-Za-z]", content)
     if match is None or b"\x00" in content[:4096]:
-        raise FormatError("is not an AMC motion (no numbered frames)", where=where)
+        raise FormatError("is not an AMC motion (no numbered frames)", where=where, advice="export it as AMC")
     return match.start()
 
 

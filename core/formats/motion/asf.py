@@ -92,7 +92,7 @@ class _Parser:
         self.where = where
         text = with_decimal_points(decode_text(content, where, "ASF skeleton").encode()).decode()
         if "\x00" in text or ":bonedata" not in text:
-            raise FormatError("is not an ASF skeleton (no :bonedata section)", where=where)
+            raise FormatError("is not an ASF skeleton (no :bonedata section)", where=where, advice="export it as ASF")
         self.lines = text.splitlines()
         self.sections = self._split()
         self.factor = 1.0

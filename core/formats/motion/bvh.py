@@ -60,7 +60,9 @@ def _split(data: bytes, where: str) -> tuple[str, bytes, int]:
     if b"\r" in data:
         data = data.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
     if b"\x00" in data[:4096] or not data[:4096].lstrip().upper().startswith(b"HIERARCHY"):
-        raise FormatError("is not a BVH file (it does not begin with HIERARCHY)", where=where)
+        raise FormatError(
+            "is not a BVH file (it does not begin with HIERARCHY)", where=where, advice="export it as BVH"
+        )
     match = re.search(rb"(?mi)^[ \t]*MOTION[ \t]*$", data)
     if match is None:
         lines = data.count(b"\n") + 1
@@ -79,7 +81,11 @@ def _read_motion(block: bytes, width: int, where: str, line: int) -> tuple[Array
     except ValueError:
         declared, interval = 0, float("nan")
     if match is None or not 1.0 / MOST_FPS <= interval <= 1.0 / LEAST_FPS:
-        raise FormatError("needs 'Frames:' and a 'Frame Time:' from 0.0005 to 1 s after MOTION", where=place)
+        raise FormatError(
+            "needs 'Frames:' and a 'Frame Time:' from 0.0005 to 1 s after MOTION",
+            where=place,
+            advice="correct these lines, or export the file again",
+        )
     if width == 0:
         raise FormatError("has no channels", where=where, advice="export it with animation")
     body = block[match.end() :]
@@ -102,9 +108,15 @@ def _first_word_that_is_no_number(body: bytes, place: str, line: int) -> FormatE
         for word in raw.split():
             if re.fullmatch(rb"[-+]?((\d+(\.\d*)?|\.\d+)(e[-+]?\d+)?|nan(\(\w*\))?)", word, re.I) is None:
                 what = f"{word[:30].decode('latin-1')!r} is not a finite number"
-                mixed = "write all numbers with decimal points" if b"," in word else ""
+                mixed = (
+                    "write all numbers with decimal points" if b"," in word else "correct it, or export the file again"
+                )
                 return FormatError(what, where=f"{place} {number}", advice=mixed)
-    return FormatError("has a number that is too large", where=f"{place} {line} or below")
+    return FormatError(
+        "has a number that is too large",
+        where=f"{place} {line} or below",
+        advice="correct it, or export the file again",
+    )
 
 
 def _check_lines(body: bytes, width: int, declared: int, place: str, line: int) -> None:

@@ -42,5 +42,7 @@ def write_motion(
     elif name.endswith(VRMA):
         write_vrma(written, path)
     else:
-        raise FormatError("is not a motion file", where=str(path), advice=f"use one of {', '.join(MOTION_ENDINGS)}")
+        raise FormatError(
+            "has an extension that cannot be written", where=str(path), advice=f"use one of {', '.join(MOTION_ENDINGS)}"
+        )
     return written

@@ -20,7 +20,7 @@ def append_notes(path: Path | str, notes: TakeNotes) -> None:
             raise TakeError("is being recorded", where=str(path), advice="wait for the end of the capture")
         footer = find_footer(file)
         if footer is None:
-            raise TakeError("has no end mark", where=str(path), advice="recover it first")
+            raise TakeError("was cut off", where=str(path), advice="recover the take first")
         _append(file, footer, notes)
 
 

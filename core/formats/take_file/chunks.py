@@ -130,8 +130,14 @@ def preamble_faults(data: bytes, where: str) -> list[Fault]:
     check_kind(data, where, "recorded take", TakeError)
     if len(data) < PREAMBLE_BYTES:
         if not data or not preamble().startswith(data):
-            raise TakeError("is not a recorded take" if data else "is empty", where=where, advice="check the file")
-        raise TakeError("was cut off before anything was recorded", where=where, advice="nothing can be recovered")
+            raise TakeError(
+                "is not a recorded take" if data else "is empty", where=where, advice="choose a .perftake file"
+            )
+        raise TakeError(
+            "was cut off before anything was recorded",
+            where=where,
+            advice="record it again: nothing in it can be recovered",
+        )
     magic, version, checksum = _PREAMBLE.unpack_from(data)
     if magic == _MAGIC and checksum == zlib.crc32(data[: PREAMBLE_BYTES - _SUM.size]):
         raise TakeError(
@@ -140,7 +146,7 @@ def preamble_faults(data: bytes, where: str) -> list[Fault]:
             advice="open it with the program that recorded it, or a newer one",
         )
     if _head(memoryview(data), PREAMBLE_BYTES) is None and not data.startswith(_MAGIC):
-        raise TakeError("is not a recorded take", where=where, advice="check the file")
+        raise TakeError("is not a recorded take", where=where, advice="choose a .perftake file")
     return [Fault(0, PREAMBLE_BYTES, "the first bytes are damaged")]
 
 

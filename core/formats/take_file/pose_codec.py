@@ -25,6 +25,7 @@ _PART_ERRORS = struct.Struct("<4sHHI")  # magic, version, parts, bytes of the po
 _PROPS = struct.Struct("<H")  # number of props
 _PROP = struct.Struct("<7ddi")  # rotation, position, RMS, markers seen
 _TIMED_HEADER = struct.Struct("<ddI")  # stamp, seconds in the solver, frames waiting
+_AGAIN = "start again"
 
 
 @dataclass(frozen=True)
@@ -51,7 +52,7 @@ def pack_solved(timed: TimedPose) -> bytes:
 def unpack_solved(data: bytes) -> TimedPose:
     """Return the pose from the bytes of `pack_solved`; CaptureError if they are invalid."""
     if len(data) < _TIMED_HEADER.size:
-        raise CaptureError("a pose was cut off", where="worker")
+        raise CaptureError("a pose was cut off", where="worker", advice=_AGAIN)
     stamp_s, solve_s, waiting = _TIMED_HEADER.unpack_from(data)
     return TimedPose(unpack_pose(data[_TIMED_HEADER.size :]), stamp_s, solve_s, waiting)
 
@@ -70,14 +71,14 @@ def pack_pose(pose: ScenePose) -> bytes:
 def unpack_pose(data: bytes) -> ScenePose:
     """Return the pose from the bytes of `pack_pose`; CaptureError if they are invalid."""
     if len(data) < _PART_ERRORS.size:
-        raise CaptureError("a pose was cut off", where="worker")
+        raise CaptureError("a pose was cut off", where="worker", advice=_AGAIN)
     magic, version, parts, size = _PART_ERRORS.unpack_from(data)
     if magic != _MAGIC or version != _WITH_PART_ERRORS:
         return _unpack_scene(data)
     at = _PART_ERRORS.size + size
     pose = _unpack_scene(data[_PART_ERRORS.size : at])
     if parts != len(PARTS) or len(data) != at + 4 * parts * len(pose.performers):
-        raise CaptureError("the errors of the body's parts are incomplete", where=f"frame {pose.number}")
+        raise CaptureError("the errors of the body's parts are incomplete", where=f"frame {pose.number}", advice=_AGAIN)
     rows = np.frombuffer(data, dtype="<f4", offset=at).astype(np.float64).reshape(-1, parts)
     known = [row if np.isfinite(row).all() else row[:0] for row in rows]
     performers = (replace(each, part_errors_deg=row) for each, row in zip(pose.performers, known, strict=True))
@@ -111,7 +112,7 @@ def _unpack_scene(data: bytes) -> ScenePose:
             raise struct.error("another length")
         return ScenePose((first,), (), first.notes)
     except (struct.error, ValueError, TakeError) as error:
-        raise CaptureError("a pose was cut off", where=f"frame {first.number}") from error
+        raise CaptureError("a pose was cut off", where=f"frame {first.number}", advice=_AGAIN) from error
 
 
 def _pack_performer(pose: PerformerPose, version: int) -> bytes:
@@ -127,17 +128,17 @@ def _pack_performer(pose: PerformerPose, version: int) -> bytes:
 def _unpack_performer(data: bytes) -> tuple[int, PerformerPose, bytes]:
     """Return version, pose, and the remaining bytes."""
     if len(data) < _HEADER.size:
-        raise CaptureError("a pose was cut off", where="worker")
+        raise CaptureError("a pose was cut off", where="worker", advice=_AGAIN)
     magic, version, joints, markers, note_bytes, number, time_s, confidence, rms, neighbours, dimensions = (
         _HEADER.unpack_from(data)
     )
     if magic != _MAGIC or version not in (_ONE_PERFORMER, _WITH_PROPS, _SEVERAL_PERFORMERS):
-        raise CaptureError("the solver's process runs another version", advice="restart Blender")
+        raise CaptureError("sent poses of another version of Perfanim", where="worker", advice="restart Blender")
     floats = 4 * joints + 3 + 6 * markers
     notes_at = _HEADER.size + 8 * (floats + markers)
     end = notes_at + note_bytes
     if len(data) < end:
-        raise CaptureError("a pose was cut off", where=f"frame {number}")
+        raise CaptureError("a pose was cut off", where=f"frame {number}", advice=_AGAIN)
     values = np.frombuffer(data, dtype="<f8", count=floats, offset=_HEADER.size)
     single_cameras = np.frombuffer(data, dtype="<i8", count=markers, offset=_HEADER.size + 8 * floats)
     rotations, root, markers_m, observed_m = np.split(values, np.cumsum((4 * joints, 3, 3 * markers)))

@@ -71,7 +71,11 @@ class TakeFile:
         """Set-up of the take; TakeError if it is lost."""
         for chunk in self._of(ChunkKind.SETUP):
             return TakeSetup.from_json(bytes(chunk.payload), str(self.path))
-        raise TakeError("has lost its calibration and subject", where=str(self.path), advice="it cannot be used")
+        raise TakeError(
+            "has lost its calibration and subject",
+            where=str(self.path),
+            advice="record it again: it cannot be used without them",
+        )
 
     @cached_property
     def notes(self) -> TakeNotes:
@@ -117,7 +121,7 @@ class TakeFile:
     def recorded_poses_of(self, performer: int = 0) -> list[PerformerPose]:
         """Return `recorded_poses` of one performer; TakeError if the take was not solved."""
         if not self.poses:
-            raise TakeError("has no poses", where=str(self.path), advice="label and solve it with perfanim solve")
+            raise TakeError("has no poses", where=str(self.path), advice="solve it, which also labels its markers")
         return [pose.performers[performer] for pose in self.recorded_poses]
 
     def is_recorded(self, number: int) -> bool:

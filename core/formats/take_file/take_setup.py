@@ -153,8 +153,12 @@ class TakeEvent:
         return _EVENT.read(json_object(data, where), f"{where}, event")
 
 
-_NOTES = Schema(TakeNotes, "Notes of a take", "What the user wrote about a take.", TakeError, "check the file")
-_EVENT = Schema(TakeEvent, "Event of a take", "An incident while it was recorded.", TakeError, "check the file")
+_NOTES = Schema(
+    TakeNotes, "Notes of a take", "What the user wrote about a take.", TakeError, "restore the file from a copy"
+)
+_EVENT = Schema(
+    TakeEvent, "Event of a take", "An incident while it was recorded.", TakeError, "restore the file from a copy"
+)
 
 
 def json_object(data: bytes, where: str) -> dict[str, Any]:
@@ -162,9 +166,11 @@ def json_object(data: bytes, where: str) -> dict[str, Any]:
     with reading(where, TakeError, what="holds invalid JSON"):
         value = json.loads(data)
     if not isinstance(value, dict):
-        raise TakeError("holds JSON that is not an object", where=where, advice="check the file")
+        raise TakeError("holds JSON that is not an object", where=where, advice="restore the file from a copy")
     if _is_deeper(value, _DEEPEST):
-        raise TakeError(f"holds JSON nested more than {_DEEPEST} deep", where=where, advice="check the file")
+        raise TakeError(
+            f"holds JSON nested more than {_DEEPEST} deep", where=where, advice="restore the file from a copy"
+        )
     return value
 
 

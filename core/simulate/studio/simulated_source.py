@@ -167,7 +167,7 @@ def studio_settings(table: Mapping[str, Any]) -> StudioSettings:
         }
         return StudioSettings(**values)
     except TypeError as error:
-        advice = "give settings of `StudioSettings`"
+        advice = "correct the names of its settings"
         raise SettingsError(str(error), where="simulated studio", advice=advice) from error
 
 

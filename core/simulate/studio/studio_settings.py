@@ -68,7 +68,9 @@ class StudioSettings:
         }
         for name, (low, high) in limits.items():
             if not low <= getattr(self, name) <= high:
-                raise SettingsError(f"{getattr(self, name)} is not between {low} and {high}", where=name)
+                raise SettingsError(
+                    f"{getattr(self, name)} is out of range", where=name, advice=f"give {low} to {high}"
+                )
 
     def time_offset_s(self, camera: int) -> float:
         """Return the time offset of a camera, seconds."""

@@ -143,7 +143,7 @@ class BoardSession:
                 raise CalibrationError(
                     f"the board was seen whole and still in {counted(self.views, 'place')}, "
                     f"but {MINIMUM_VIEWS} are needed",
-                    advice="check the number of corners, hold the board where every camera sees it, use more light",
+                    advice="check the number of corners, hold the board where every camera sees it, and use more light",
                 )
             self.result = _calibrate(self._board, self._content())
         return self.result

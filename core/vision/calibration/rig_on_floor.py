@@ -43,7 +43,9 @@ def rig_on_floor(rig: CameraRig, floor_points_m: ArrayLike, behind_m: float = 0.
     up = axes[2] if axes[2] @ to_cameras > 0 else -axes[2]
     forward = to_cameras - up * (up @ to_cameras)
     if np.linalg.norm(forward) < 0.05:
-        what = "the cameras look straight down on the middle of the points on the floor"
+        what = (
+            "the cameras look straight down at the middle of the points on the floor, so there is no forward direction"
+        )
         raise CalibrationError(what, advice="lay the board or the markers farther in front of the cameras")
     forward /= np.linalg.norm(forward)
     new_from_old = np.stack((np.cross(up, forward), up, forward))
@@ -92,6 +94,8 @@ def _seen_by_one(camera: Camera, view: BoardView, board: Board) -> Array:
     normalised = camera.undistort(view.pixels)
     found, turn, shift = cv2.solvePnP(board.points_m, normalised, np.eye(3), np.zeros(5), flags=cv2.SOLVEPNP_IPPE)
     if not found:
-        raise CalibrationError("the board's position cannot be found in this picture", advice="lay it closer")
+        raise CalibrationError(
+            "the board's position cannot be found in this picture", advice="lay the board closer to the camera"
+        )
     local = board.points_m @ cv2.Rodrigues(turn)[0].T + np.ravel(shift)
     return np.asarray((local - camera.translation_m) @ camera.rotation)

@@ -98,7 +98,9 @@ class CameraSource(ClosableSource):
             while not self._closed and (taken := pairing.take(now_s - start_s, gone)) is not None:
                 yield taken
             if now_s - last_s > SOURCES.all_lost_s:
-                raise CaptureError("no camera gives images any more", advice="check their cables, then start again")
+                raise CaptureError(
+                    "no camera gives images any more", advice="check the cameras' cables, then start again"
+                )
 
     def samples(self, count: int) -> Iterator[tuple[Image, ...]]:
         """Yield the images of the next `count` complete image sets.
@@ -115,7 +117,10 @@ class CameraSource(ClosableSource):
                 if count <= 0:
                     return
             elif moment_s - last_s > SOURCES.never_usable_s:
-                raise CaptureError("; ".join(image_set.notes) or "a camera gives no usable images")
+                raise CaptureError(
+                    "; ".join(image_set.notes) or "a camera gives no usable images",
+                    advice="check the cameras and their cables",
+                )
 
     def close(self) -> None:
         """End the iteration and release the cameras."""

@@ -45,7 +45,7 @@ def open_videos(paths: Sequence[str], fps: float | None = None) -> SampledSource
         return VideoSource(paths, fps or 30.0)
     if len(streams) < len(paths):
         raise CaptureError(
-            "is a camera, but another source is a video", where=streams[0], advice="give sources of one kind"
+            "is a camera, but another source is a video", where=streams[0], advice="give only videos, or only cameras"
         )
     return CameraSource(streams, None, fps)
 

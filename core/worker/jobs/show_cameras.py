@@ -28,8 +28,8 @@ def run(_request: ShowCamerasRequest, channel: Channel) -> None:
     found = find_cameras()
     if not found:
         raise CaptureError(
-            "found no camera, or only cameras that other programs use",
-            advice="plug in two cameras, or close the other programs",
+            "no camera was found, or other programs use all of them",
+            advice="plug in two cameras, or close those programs",
         )
 
     def draw(number: int, picture: Image, image_width: int) -> None:

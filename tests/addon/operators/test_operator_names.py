@@ -21,7 +21,7 @@ def test_no_method_has_the_name_of_a_property_of_blender(part: Any) -> None:
 
 def test_a_profile_for_a_target_that_is_gone_is_refused(part: Any) -> None:
     assert bpy.ops.perfanim.average_performer("EXEC_DEFAULT") == {"FINISHED"}
-    with pytest.raises(RuntimeError, match="the target is gone; choose another in the list"):
+    with pytest.raises(RuntimeError, match="the chosen target was removed; choose another in the list"):
         bpy.ops.perfanim.use_profile("EXEC_DEFAULT", target=0)
     bpy.ops.perfanim.add_target("EXEC_DEFAULT")
     assert bpy.ops.perfanim.use_profile("EXEC_DEFAULT", target=0) == {"FINISHED"}

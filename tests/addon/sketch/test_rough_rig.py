@@ -130,5 +130,5 @@ def test_a_solved_action_is_not_followed(part: Any, rough: bpy.types.Object) -> 
     solve(part)
     for each in bpy.context.view_layer.objects:
         each.select_set(False)
-    with pytest.raises(RuntimeError, match="was solved from a sketch"):
+    with pytest.raises(RuntimeError, match="is a solved sketch, not a rough action"):
         bpy.ops.perfanim.follow_rig()

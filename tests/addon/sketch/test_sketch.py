@@ -180,7 +180,7 @@ def test_a_rough_animation_is_read_again_after_it_is_solved(part: Any, keyed: bp
     assert not keyed.perfanim_sketch.free_height
     assert bpy.context.scene.frame_current == 20
     keyed.perfanim_sketch.rough = None
-    with pytest.raises(RuntimeError, match="was solved from a sketch"):
+    with pytest.raises(RuntimeError, match="is a solved sketch, not a rough action"):
         bpy.ops.perfanim.add_controls(from_action=True)
 
 

@@ -61,7 +61,7 @@ def test_saved_take_is_solved_again_without_more_to_name(solved, tmp_path):
     np.testing.assert_allclose(again.motion.rotations, solved.motion.rotations, atol=0.05)
     again.save(tmp_path / "again.perftake")
     assert read_take_file(tmp_path / "again.perftake").notes.name == f"{solved.motion.name} (nearest)"
-    with pytest.raises(perfanim.PerfanimError, match=r"walk\.perftake: would be overwritten"):
+    with pytest.raises(perfanim.PerfanimError, match=r"walk\.perftake: is an input and would be overwritten"):
         again.save(tmp_path / "walk.perftake")
 
 
@@ -71,7 +71,7 @@ def test_motion_is_saved_in_each_format(solved, tmp_path):
         assert (tmp_path / name).is_file()
     solved.save(tmp_path / "slow.bvh", rate_hz=10.0)
     assert perfanim.load_motion(tmp_path / "slow.bvh").fps == pytest.approx(10.0)
-    with pytest.raises(perfanim.PerfanimError, match="is not a motion file"):
+    with pytest.raises(perfanim.PerfanimError, match="has an extension that cannot be written"):
         solved.save(tmp_path / "walk.txt")
 
 

@@ -123,7 +123,7 @@ def test_a_joint_without_freedom_has_no_angles() -> None:
 
 def test_unknown_joint_names_those_there_are() -> None:
     assert arm().index("fore") == 2
-    with pytest.raises(SkeletonError, match="no joint 'hand'; joints: root, upper, fore, leg"):
+    with pytest.raises(SkeletonError, match="no joint 'hand'; choose from root, upper, fore, leg"):
         arm().index("hand")
 
 
@@ -132,8 +132,8 @@ def test_unknown_joint_names_those_there_are() -> None:
     [
         ({"names": ("a", "a", "b", "c")}, "unique names"),
         ({"parents": np.array([-1, 2, 0, 0])}, "before their children"),
-        ({"parents": np.array([0, 0, 1, 0])}, "only root"),
-        ({"parents": np.array([-1, -1, 1, 0])}, "only root"),
+        ({"parents": np.array([0, 0, 1, 0])}, "is not the only root"),
+        ({"parents": np.array([-1, -1, 1, 0])}, "is not the only root"),
         ({"offsets_m": np.zeros((3, 3))}, "shapes"),
         ({"tips_m": np.full((4, 3), np.nan)}, "finite"),
         ({"angle_orders": ("X",)}, "shapes"),

@@ -113,7 +113,7 @@ CASES = [
     (SOLVE.replace("walker.toml", "cameras.toml"), "cameras.toml: is not a subject file"),
     (SOLVE.replace("walker.toml", "words.toml"), "words.toml: is not valid TOML"),
     (SOLVE.replace("--subject walker.toml", "--skeleton words.asf --marker-set boxing"), "words.asf: is not an ASF"),
-    (SOLVE + " --smooth 99", "smoothing at 99 Hz is out of range"),
+    (SOLVE + " --smooth 99", "a cut-off frequency of 99 Hz for smoothing is out of range"),
     (SOLVE.replace("out/a.bvh", "empty"), "empty: cannot be written"),
     (SOLVE.replace("out/a.bvh", "words.txt/a.bvh"), "words.txt/a.bvh: cannot be written"),
     # calibrate subject

@@ -42,7 +42,7 @@ def test_a_command_does_not_write_onto_its_input(
     (tmp_path / "link.c3d").symlink_to("a.c3d")
     assert main(shlex.split(line)) == 1
     told = capsys.readouterr().err
-    assert told.count("\n") == 1 and "would be overwritten; give the output another name" in told
+    assert told.count("\n") == 1 and "is an input and would be overwritten; give the output another name" in told
     assert {(tmp_path / name).read_text() for name in names} == {"an input"}
     assert len(list(tmp_path.iterdir())) == len(names) + 1
 

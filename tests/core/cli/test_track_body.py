@@ -196,7 +196,7 @@ def test_a_take_without_a_performer_is_coped_with(film, bare, run, refused, tmp_
         ("vmc", "send", bare),
         ("calibrate", "subject", bare, "--marker-set", "boxing", "--out", tmp_path / "a.toml"),
     ):
-        assert "has no poses; label and solve it with perfanim solve" in refused(*command)
+        assert "has no poses; solve it, which also labels its markers" in refused(*command)
     copy = tmp_path / "copy.perftake"
     assert run("take", "recover", bare, "--out", copy)["poses"] == 0
     assert read_take_file(copy).setup.performers == ()

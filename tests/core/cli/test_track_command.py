@@ -163,7 +163,7 @@ def test_frames_without_the_performer_give_the_background(folder, capsys):
 
 def test_too_few_markers_for_the_set_are_told(folder, capsys):
     assert main(arguments(folder, "--marker-set", "boxing", "--out", str(folder / "take.trc"))) == 1
-    assert "no frame locates more than 5 of 9 markers" in capsys.readouterr().err
+    assert "no frame shows more than 5 of 9 markers" in capsys.readouterr().err
     assert not (folder / "take.trc").exists()
 
 
@@ -206,7 +206,7 @@ def test_one_camera_gives_a_recorded_take(folder, capsys):
 def test_what_one_camera_cannot_give_is_refused(folder, capsys):
     one = ["track", "--cameras", f"{folder}/cameras.toml", "--left", f"{folder}/left", "--json"]
     for more, reason in (
-        (["--out", f"{folder}/one.trc"], "cannot hold what one camera shows"),
+        (["--out", f"{folder}/one.trc"], "one.trc: cannot hold what one camera shows"),
         (["--out", f"{folder}/one.take.npz", "--truth", f"{folder}/truth.trc"], "needs 3D markers"),
         (["--out", f"{folder}/one.take.npz", "--camera", f"left={folder}/right"], "one camera is given two sources"),
     ):

@@ -172,7 +172,7 @@ def test_other_markers_are_refused(stand):
         import_take(fewer, SET, "auto")
     anywhere = replace(named, positions_m=np.random.default_rng(1).uniform(-3.0, 3.0, stand.positions_m.shape))
     for up in ("auto", "y"):
-        with pytest.raises(TakeError, match="not where the marker set") as told:
+        with pytest.raises(TakeError, match="positions do not fit the marker set") as told:
             import_take(few(anywhere), SET, up)
         assert "choose the marker set that was worn" in told.value.advice
         assert told.value.where == "stand"

@@ -128,10 +128,10 @@ def test_frames_without_markers_are_refused():
         track_markers(empty, "empty", 30.0)
     with pytest.raises(TakeError, match="almost no markers"):
         track_markers([], "none", 30.0)
-    with pytest.raises(TakeError, match="no frame locates more than 0 of 12"):
+    with pytest.raises(TakeError, match="no frame shows more than 0 of 12"):
         track_markers([], "none", 30.0, count=12)
     frames, _ = frames_of(walk(20, 30.0), 30.0)
-    with pytest.raises(TakeError, match="no frame locates more than 10 of 12"):
+    with pytest.raises(TakeError, match="no frame shows more than 10 of 12"):
         track_markers(frames, "walk", 30.0, count=12)
 
 

@@ -65,7 +65,7 @@ def test_fewest_frames_with_a_standing_body():
     np.testing.assert_array_equal(
         name_trajectories(take, marker_set).positions_m, take.positions_m[:, np.argsort(order)]
     )
-    with pytest.raises(TakeError, match="the markers are not where the marker set locomotion has them") as told:
+    with pytest.raises(TakeError, match="the markers' positions do not fit the marker set locomotion") as told:
         name_trajectories(take_of(marker_set, frames=10, scattered=range(8))[0], marker_set)
     assert told.value.where == "stand"
 

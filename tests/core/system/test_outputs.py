@@ -105,5 +105,7 @@ def test_an_output_that_is_an_input_is_refused_by_whatever_name(tmp_path: Path) 
     (tmp_path / "hard.c3d").hardlink_to(tmp_path / "a.c3d")
     check_no_input(tmp_path / "b.c3d", [tmp_path / "a.c3d", "no\0name", tmp_path / "gone"])
     for name in ("a.c3d", "link.c3d", "hard.c3d"):
-        with pytest.raises(FormatError, match=r"a\.c3d: would be overwritten; give the output another name"):
+        with pytest.raises(
+            FormatError, match=r"a\.c3d: is an input and would be overwritten; give the output another name"
+        ):
             check_no_input(tmp_path / name, [tmp_path / "a.c3d"])

@@ -161,7 +161,7 @@ def test_solve_writes_any_kind_of_motion(tmp_path, recorded, capsys):
     assert run(capsys, *given, tmp_path / "a.angles.csv")["fps"] == 15.0
     assert ",leftHand_z_deg," in (tmp_path / "a.angles.csv").read_text()
     assert main([*map(str, given), str(tmp_path / "a.csv")]) == 1
-    assert "a.csv: cannot be written (not the extension of a motion format)" in capsys.readouterr().err
+    assert "a.csv: has an extension that cannot be written" in capsys.readouterr().err
 
 
 def test_solving_again_gives_what_live_gave(tmp_path, recorded, capsys):
@@ -253,8 +253,8 @@ def test_bad_input_is_told_in_one_line(tmp_path, recorded, capsys):
         "take info {tmp}/words.perftake": "is not a recorded take",
         "take info {tmp}/start.perftake": "has lost its calibration and subject",
         "take recover {tmp}/start.perftake": "has lost its calibration and subject",
-        "take recover {take} --out {tmp}/a.bvh": "does not end in .perftake",
-        "take recover {take} --out {take}": "would be overwritten",
+        "take recover {take} --out {tmp}/a.bvh": "a.bvh: does not end in .perftake",
+        "take recover {take} --out {take}": "is an input and would be overwritten",
         "take export {take} --out {tmp}/a.doc": "has an extension that cannot be written",
         "take export {tmp}/a.take.npz --out {tmp}/a.bvh": "holds markers, not motion",
         "take export {tmp}/bare.perftake --out {tmp}/b.bvh": "has no poses",
@@ -303,7 +303,7 @@ def test_a_take_solved_anew_is_a_take(recorded, tmp_path, capsys, database_file)
 def test_a_take_solved_anew_takes_no_other_s_place(recorded, tmp_path, capsys):
     content = recorded.read_bytes()
     assert main(["solve", str(recorded), "--out", str(recorded)]) == 1
-    assert "would be overwritten" in capsys.readouterr().err
+    assert "is an input and would be overwritten" in capsys.readouterr().err
     assert recorded.read_bytes() == content
     for wrong in (["--smooth", "6"], ["--feet", "auto"], ["--out", "x.bvh", "--cameras", "y"]):
         with pytest.raises(SystemExit, match="2"):

@@ -48,6 +48,6 @@ def test_another_reader_agrees(tmp_path: Path, frames: int) -> None:
 
 def test_more_markers_than_fit_are_refused(tmp_path: Path) -> None:
     names = tuple(f"M{i}" for i in range(256))
-    with pytest.raises(FormatError, match="256 markers do not fit"):
+    with pytest.raises(FormatError, match="256 markers do not fit, because a C3D file holds at most 255"):
         write_take(a_take(2, np.arange(2), names), tmp_path / "a.c3d")
     assert not any(tmp_path.iterdir())

@@ -108,7 +108,7 @@ def test_a_take_with_a_damaged_end_mark_is_listed_as_cut_off(tmp_path: Path, wri
     with path.open("rb") as file:
         assert find_footer(file) is None
     assert summarise(path).notes.name == "a"
-    with pytest.raises(TakeError, match="no end mark; recover it first"):
+    with pytest.raises(TakeError, match="was cut off; recover the take first"):
         append_notes(path, TakeNotes("x"))
 
 

@@ -120,7 +120,7 @@ def test_recover_keeps_all_that_is_intact(tmp_path: Path, write: Write) -> None:
     )
     assert summarise(tmp_path / "b.perftake").frames == 9
     assert path.read_bytes() == cut
-    with pytest.raises(FormatError, match="would be overwritten"):
+    with pytest.raises(FormatError, match="is an input and would be overwritten"):
         recover(read_take_file(path), path)
     assert path.read_bytes() == cut
     path.write_bytes(data[: chunks[0].offset + 50])

@@ -80,7 +80,7 @@ def test_notes_change_by_appending(tmp_path: Path, write: Write) -> None:
     assert (cut.notes.name, len(cut.frames), cut.complete, cut.problems[0][:23]) == (
         "Walk 1", 12, False, "the file is cut off wit",
     )  # fmt: skip
-    with pytest.raises(TakeError, match="no end mark; recover it first"):
+    with pytest.raises(TakeError, match="was cut off; recover the take first"):
         append_notes(path, TakeNotes("x"))
     with pytest.raises(TakeError, match="6 is out of range"):
         TakeNotes(rating=6)

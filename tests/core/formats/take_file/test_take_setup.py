@@ -48,7 +48,7 @@ def test_a_take_may_have_no_performer(tmp_path: Path, setup: TakeSetup) -> None:
     write_whole_take(tmp_path / "bare.perftake", bare, TakeNotes("Bare"), [], [])
     listed = summarise(tmp_path / "bare.perftake")
     assert (listed.notes.name, listed.performers, listed.marker_set) == ("Bare", (), "")
-    with pytest.raises(TakeError, match="has no poses; label and solve it with perfanim solve"):
+    with pytest.raises(TakeError, match="has no poses; solve it, which also labels its markers"):
         read_take_file(tmp_path / "bare.perftake").recorded_poses_of()
 
 
