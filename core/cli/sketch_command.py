@@ -86,7 +86,7 @@ def _outputs(keys: list[Path], out: Path) -> list[tuple[Path, Path]]:
     if len(keys) == 1:
         if not is_motion(out):
             raise FormatError(
-                "has an extension that cannot be written",
+                "does not have the extension of a motion file",
                 where=str(out),
                 advice=f"use one of {', '.join(MOTION_ENDINGS)}",
             )

@@ -146,7 +146,7 @@ def check(args: argparse.Namespace) -> None:
             args.wrong_usage(f"argument {message}")
     if not take_out and not is_motion(args.out):
         advice = f"use one of {', '.join((*MOTION_ENDINGS, ENDING))}"
-        raise FormatError("has an extension that cannot be written", where=str(args.out), advice=advice)
+        raise FormatError("does not have the extension of a motion file", where=str(args.out), advice=advice)
 
 
 def solve(args: argparse.Namespace, progress: Progress, cache: SessionCache) -> SolvedTake:

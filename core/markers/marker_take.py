@@ -67,7 +67,7 @@ class MarkerTake:
             raise TakeError(
                 f"positions of shape {self.positions_m.shape} do not match {counted(len(self.names), 'marker')}",
                 where=self.name,
-                advice="give one (x, y, z) for each frame and marker, at least one of both",
+                advice="give x, y and z for at least one frame and one marker",
             )
         if len(set(self.names)) != len(self.names):
             raise TakeError("marker names are not unique", where=self.name, advice="give every marker its own name")

@@ -55,7 +55,7 @@ def check_ending(path: Path | str, endings: tuple[str, ...] = WRITABLE) -> None:
     """Raise FormatError unless a file name has one of the extensions, by default those of `write_take`."""
     if not Path(path).name.lower().endswith(endings):
         raise FormatError(
-            "has an extension that cannot be written", where=str(path), advice=f"use one of {', '.join(endings)}"
+            "does not have an extension that can be written", where=str(path), advice=f"use one of {', '.join(endings)}"
         )
 
 

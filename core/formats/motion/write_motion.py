@@ -43,6 +43,8 @@ def write_motion(
         write_vrma(written, path)
     else:
         raise FormatError(
-            "has an extension that cannot be written", where=str(path), advice=f"use one of {', '.join(MOTION_ENDINGS)}"
+            "does not have the extension of a motion file",
+            where=str(path),
+            advice=f"use one of {', '.join(MOTION_ENDINGS)}",
         )
     return written

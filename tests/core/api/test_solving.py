@@ -71,7 +71,7 @@ def test_motion_is_saved_in_each_format(solved, tmp_path):
         assert (tmp_path / name).is_file()
     solved.save(tmp_path / "slow.bvh", rate_hz=10.0)
     assert perfanim.load_motion(tmp_path / "slow.bvh").fps == pytest.approx(10.0)
-    with pytest.raises(perfanim.PerfanimError, match="has an extension that cannot be written"):
+    with pytest.raises(perfanim.PerfanimError, match="does not have the extension of a motion file"):
         solved.save(tmp_path / "walk.txt")
 
 

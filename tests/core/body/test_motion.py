@@ -64,7 +64,7 @@ def test_numbers_out_of_range_are_refused(value: float) -> None:
     motion = steady_turn()
     roots, rotations = motion.root_positions_m.copy(), motion.rotations.copy()
     roots[7, 1] = value
-    with pytest.raises(FormatError, match="turn: the root is not within 10000 m of the origin; check the unit"):
+    with pytest.raises(FormatError, match="turn: the root is more than 10000 m from the origin; check the unit"):
         replace(motion, root_positions_m=roots)
     rotations[7, 3, 2] = value
     with pytest.raises(FormatError, match="turn: a joint's rotation is not a unit quaternion"):

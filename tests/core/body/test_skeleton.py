@@ -131,7 +131,7 @@ def test_unknown_joint_names_those_there_are() -> None:
     ("change", "message"),
     [
         ({"names": ("a", "a", "b", "c")}, "unique names"),
-        ({"parents": np.array([-1, 2, 0, 0])}, "before their children"),
+        ({"parents": np.array([-1, 2, 0, 0])}, "a parent comes after its child"),
         ({"parents": np.array([0, 0, 1, 0])}, "is not the only root"),
         ({"parents": np.array([-1, -1, 1, 0])}, "is not the only root"),
         ({"offsets_m": np.zeros((3, 3))}, "shapes"),

@@ -114,7 +114,7 @@ CASES = [
     (SOLVE.replace("walker.toml", "words.toml"), "words.toml: is not valid TOML"),
     (SOLVE.replace("--subject walker.toml", "--skeleton words.asf --marker-set boxing"), "words.asf: is not an ASF"),
     (SOLVE + " --smooth 99", "a cut-off frequency of 99 Hz for smoothing is out of range"),
-    (SOLVE.replace("out/a.bvh", "empty"), "empty: cannot be written"),
+    (SOLVE.replace("out/a.bvh", "empty"), "empty: does not have the extension of a motion file"),
     (SOLVE.replace("out/a.bvh", "words.txt/a.bvh"), "words.txt/a.bvh: cannot be written"),
     # calibrate subject
     (SUBJECT.replace("locomotion", "kendo"), "the take has no marker"),
@@ -145,7 +145,7 @@ CASES = [
         TRACK.replace("--left left --right right", "--left long.avi --right large.avi"),
         "128x96, but the calibration is for 64x48",
     ),
-    (TRACK.replace("a.take.npz", "a.doc"), "a.doc: has an extension that cannot be written"),
+    (TRACK.replace("a.take.npz", "a.doc"), "a.doc: does not have an extension that can be written"),
     (TRACK + " --seconds 0", "--seconds must be a number above 0 s up to 86,400 s"),
     (TRACK + " --marker-set gone", "there is no marker set or file 'gone'"),
     (TRACK + " --markers 0", "--markers must be a whole number from 1 to 200"),
@@ -191,7 +191,7 @@ CASES = [
     ("simulate markers words.bvh --marker-set boxing --out out/a.take.npz", "words.bvh: is not a BVH file"),
     (
         "simulate markers words.bvh --marker-set boxing --out out/a.doc",
-        "a.doc: has an extension that cannot be written",
+        "a.doc: does not have an extension that can be written",
     ),
     *(
         (f"simulate markers words.bvh --marker-set boxing --out out/a.csv --fps={fps}", "out of range")

@@ -55,7 +55,7 @@ def test_summary_for_a_person(inputs, capsys):
     assert main(["database", "info", str(inputs / "good.db")]) == 0
     printed = capsys.readouterr().out
     assert "frames: 3" in printed
-    assert "choose from root, lfemur, ltibia, " in printed
+    assert "joints: root, lfemur, ltibia, " in printed
     assert not printed.startswith("{")
 
 

@@ -64,7 +64,7 @@ def test_a_bad_sketch_does_not_stop_the_others(capsys, keys, body, database_file
 @pytest.mark.parametrize(
     ("out", "more", "message"),
     [
-        ("walk.txt", (), "has an extension that cannot be written"),
+        ("walk.txt", (), "does not have the extension of a motion file"),
         ("walk.bvh", ("--follow", "2"), "--follow must be a number from 0 to 1"),
         ("walk.bvh", ("--behaviour", "swim"), "no clip has the behaviour swim"),
     ],

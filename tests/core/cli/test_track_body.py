@@ -226,7 +226,7 @@ def test_what_labels_need_is_told(film, database_file, refused, tmp_path):
         (["--subject", subject, "--marker-set", "gone", *take], "there is no marker set or file 'gone'"),
         (["--truth", tmp_path / "truth.trc", *take], "--truth needs labels"),
         (["--floor", "feet", "--subject", subject, *take], "--floor feet needs labels"),
-        (["--threshold", "250", *take], "almost no markers were found"),
+        (["--threshold", "250", *take], "perfanim: no markers were found; check the threshold"),
     ):
         assert reason in refused(*film.command(*more))
         assert not list(tmp_path.iterdir())

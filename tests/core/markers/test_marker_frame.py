@@ -90,7 +90,7 @@ def test_another_version_is_refused_with_advice() -> None:
     for position in (0, 4):
         changed = data.copy()
         changed[position] ^= 1
-        with pytest.raises(CaptureError, match="another version; restart Blender"):
+        with pytest.raises(CaptureError, match="another version of Perfanim; restart Blender"):
             unpack(bytes(changed))
 
 

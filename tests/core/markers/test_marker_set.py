@@ -51,7 +51,9 @@ def test_offsets_and_subset() -> None:
 def test_bad_offsets_and_names_are_refused() -> None:
     markers = [Marker(name, "root", (0.0, 0.0, 0.0), True) for name in "ABC"]
     for value in (np.inf, np.nan, -12.0):
-        with pytest.raises(MarkerSetError, match="marker D: offset_m must be three numbers below 10; give metres"):
+        with pytest.raises(
+            MarkerSetError, match="marker D: offset_m must be three numbers below 10; give it in metres"
+        ):
             MarkerSet("a", (*markers, Marker("D", "root", (0.0, value, 0.0))))
     with pytest.raises(MarkerSetError, match=r"no marker set or file 'dancing'; shipped sets: blazepose-33, .*boxing"):
         load_marker_set("dancing")

@@ -161,7 +161,7 @@ def test_solve_writes_any_kind_of_motion(tmp_path, recorded, capsys):
     assert run(capsys, *given, tmp_path / "a.angles.csv")["fps"] == 15.0
     assert ",leftHand_z_deg," in (tmp_path / "a.angles.csv").read_text()
     assert main([*map(str, given), str(tmp_path / "a.csv")]) == 1
-    assert "a.csv: has an extension that cannot be written" in capsys.readouterr().err
+    assert "a.csv: does not have the extension of a motion file" in capsys.readouterr().err
 
 
 def test_solving_again_gives_what_live_gave(tmp_path, recorded, capsys):
@@ -255,7 +255,7 @@ def test_bad_input_is_told_in_one_line(tmp_path, recorded, capsys):
         "take recover {tmp}/start.perftake": "has lost its calibration and subject",
         "take recover {take} --out {tmp}/a.bvh": "a.bvh: does not end in .perftake",
         "take recover {take} --out {take}": "is an input and would be overwritten",
-        "take export {take} --out {tmp}/a.doc": "has an extension that cannot be written",
+        "take export {take} --out {tmp}/a.doc": "does not have an extension that can be written",
         "take export {tmp}/a.take.npz --out {tmp}/a.bvh": "holds markers, not motion",
         "take export {tmp}/bare.perftake --out {tmp}/b.bvh": "has no poses",
         "take export {tmp}/bare.perftake --out {tmp}/b.csv": "has no poses",
