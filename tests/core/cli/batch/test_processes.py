@@ -64,4 +64,4 @@ def test_a_process_that_dies_costs_its_take_alone(inputs, tmp_path, served, jobs
 
 def test_what_a_library_prints_comes_not_between_the_answers(inputs, tmp_path, served):
     (record,) = run(inputs.plan("empty.c3d"), tmp_path / "out", partial(in_processes, served(LOUD), 1)).records
-    assert record.reasons == ("is empty",)
+    assert record.reasons == ("is empty; export it again",)

@@ -52,7 +52,7 @@ def refine(folder: Path, cameras: str, capsys: pytest.CaptureFixture[str]) -> di
 
 def test_a_bumped_camera_is_told_and_placed_anew(folder, capsys):
     summary = refine(folder, "before.toml", capsys)
-    assert summary["bumped"] and summary["changed"] and "right was bumped" in summary["advice"][0]
+    assert summary["bumped"] and summary["changed"] and "right has moved" in summary["advice"][0]
     assert summary["turned_deg"]["right"] == pytest.approx(np.sqrt(1.0 + 0.25 + 0.25), abs=0.2)
     found, truth = load_rig(folder / "refined.toml").cameras[1], load_rig(folder / "now.toml").cameras[1]
     assert np.degrees(np.arccos((np.trace(found.rotation @ truth.rotation.T) - 1.0) / 2.0)) < 0.2
