@@ -1,4 +1,4 @@
-"""Size of a standing body: girth, stature, human statures, and height of the root above the soles."""
+"""Size of a body: stature, its ratio to the default skeleton's, human statures, height of the root above the soles."""
 
 from dataclasses import dataclass
 
@@ -8,17 +8,17 @@ from ..geometry.arrays import Array
 from .skeleton import Skeleton
 from .standard_skeleton import default_skeleton
 
-SOLE_BELOW_TOES_M = 0.024  # how far the sole lies below the toe joint of the default skeleton
-_STATURE_M = 1.72  # default skeleton: 1.63 m from the soles to the end of the head bone, plus the skull above it
+SOLE_BELOW_TOES_M = 0.024  # distance of the sole below the toe joints of the default skeleton
+_STATURE_M = 1.72  # stature of the default skeleton: 1.63 m from soles to end of the head bone, plus the skull above
 
 
 @dataclass(frozen=True)
 class HumanSize:
     """Statures of people, used to detect wrong units."""
 
-    shortest_m: float = 0.72  # a small child; a body in inches that is taken for centimetres is smaller
+    shortest_m: float = 0.72  # a small child; a body whose inches are read as centimetres is smaller
     tallest_m: float = 2.4
-    largest_m: float = 4.0  # largest rough estimate: misplaced torso markers can double it
+    largest_m: float = 4.0  # largest estimate from torso markers, which are rough: misplaced ones can double it
 
 
 HUMAN = HumanSize()
@@ -27,7 +27,7 @@ _LEGS = ("lfemur", "ltibia", "rfemur", "rtibia")
 
 
 def girth_scale(skeleton: Skeleton) -> float:
-    """Return a body's girth relative to the default skeleton's."""
+    """Return a body's size relative to the default skeleton's."""
     return _height_m(skeleton) / _height_m(default_skeleton())
 
 
@@ -43,7 +43,7 @@ def standing_root_m(skeleton: Skeleton) -> Array:
 
 
 def _height_m(skeleton: Skeleton) -> float:
-    """Return a length that grows with stature: legs and spine end to end."""
+    """Return a length proportional to stature: spine and legs laid end to end."""
     lengths = np.linalg.norm(skeleton.tips_m, axis=1)
     spine = sum(lengths[skeleton.index(name)] for name in _SPINE)
     return float(spine + 0.5 * sum(lengths[skeleton.index(name)] for name in _LEGS))

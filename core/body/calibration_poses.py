@@ -21,7 +21,7 @@ def t_pose(skeleton: Skeleton) -> Array:
     result = rot.identity((len(skeleton),))
     for side in "lr":
         femur = skeleton.index(f"{side}femur")
-        # in CMU's rest pose the foot leans with the splayed leg; turning the leg upright makes the foot flat
+        # in CMU's rest pose the foot is tilted with the splayed leg, so turning the leg upright makes it flat
         result[femur] = _upright(skeleton.tips_m[femur])
     return result
 
@@ -76,7 +76,7 @@ POSES: dict[str, Callable[[Skeleton], Array]] = {
     "hanging": hanging,
     "motorcycle": motorcycle,
 }
-CALIBRATION = ("t", "hanging", "motorcycle")  # together these poses determine the joint centres of the limbs
+CALIBRATION = ("t", "hanging", "motorcycle")  # poses that together determine the joint centres of the limbs
 # instructions for the performer
 INSTRUCTIONS = {
     "t": "stand upright, arms straight out to the sides, palms down",
@@ -87,7 +87,7 @@ INSTRUCTIONS = {
 
 
 def _upright(bone_m: Array) -> Array:
-    """Return the turn in the frontal plane that makes a bone hang straight down."""
+    """Return the rotation (4,) in the frontal plane that makes a bone (3,) hang straight down."""
     return rot.between([bone_m[0], bone_m[1], 0.0], [0.0, -1.0, 0.0])
 
 

@@ -1,8 +1,8 @@
 """Clock of a take: the times of its frames and the steady rate of its outputs.
 
-Frame times are rounded in files, cameras jitter, and some frames are lost. So the rate is a property of the outputs:
-the header's rate if the times agree with it, otherwise another steady rate that explains all times, otherwise the
-nearest usual rate. Poses and markers are interpolated at the times of the output frames.
+Files round the times of frames, cameras jitter, and some frames are lost. So the rate is a property of the outputs: the
+header's rate if the times agree with it, otherwise another steady rate that explains all times, otherwise the common
+rate that is nearest. Poses and markers are interpolated at the times of the output frames.
 """
 
 from collections.abc import Callable
@@ -24,21 +24,21 @@ from .skeleton import Skeleton
 class ClockSettings:
     """Thresholds for finding the steady rate of frame times."""
 
-    # usual rates of cameras, film and motion capture systems, Hz
+    # common rates of cameras, film and motion capture systems, Hz
     usual_hz: tuple[float, ...] = (
         10, 12, 15, 20, 24, 25, 30, 48, 50, 60, 72, 75, 90, 100, 120, 144, 150, 180, 200, 240, 250, 300, 360, 400, 480,
         500, 600, 1000,
     )  # fmt: skip
-    roundings_s: tuple[float, ...] = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6)  # units to which files may round times
-    same: float = 0.02  # largest deviation from a steady rate that still counts as steady, frames
-    widest: float = 0.45  # largest accepted rounding error of times without frame numbers, frames
-    near: float = 0.01  # largest relative difference from a usual rate that is attributed to the camera's clock
-    lost: float = 3.0  # longer steps, in median steps, are gaps, which do not count when the rate is measured
-    plausible_hz: tuple[float, float] = (5.0, 5000.0)  # lowest and highest rate of markers; reveals the unit of times
+    roundings_s: tuple[float, ...] = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6)  # units to which files may round times, s
+    same: float = 0.02  # largest deviation of a time from a steady rate, frames
+    widest: float = 0.45  # largest rounding error of times that is accepted without frame numbers, frames
+    near: float = 0.01  # largest relative difference from a common rate that is attributed to the camera's clock
+    lost: float = 3.0  # step, in median steps, above which it is a gap and is not used to measure the rate
+    plausible_hz: tuple[float, float] = (5.0, 5000.0)  # lowest and highest rate of markers; tells the unit of times
     uneven: float = 0.5  # smallest deviation of a step from one frame interval that is reported, frames
-    near_s: float = 0.1  # longest step across which markers and props are interpolated
-    short_s: float = 0.25  # longest step of poses that is interpolated with a cubic
-    longest_s: float = 1.0  # longest transition between two poses; a longer step holds the first pose until then
+    near_s: float = 0.1  # longest step across which markers and props are interpolated, s
+    short_s: float = 0.25  # longest step between poses that is interpolated with a cubic, s
+    longest_s: float = 1.0  # longest transition between two poses, s; in longer steps the first pose is held before it
 
 
 CLOCK = ClockSettings()
@@ -70,7 +70,7 @@ class Clock:
         rows: Frames (R,) with ascending times; the others have no usable time.
         times_s: Times (R,) of these frames, without the rounding of the file.
         fps: Steady rate of the outputs.
-        is_steady: Every time is a whole number of frames after the first.
+        is_steady: Whether every time is a whole number of frames after the first.
         stated_fps: Rate stated in the header; None if there is none.
         frames: Number of all frames.
     """
@@ -142,7 +142,7 @@ class Clock:
         return poses_at(self.times_s, *known, self.steady_s)
 
     def seen(self, values: Array, visible: Mask, *, is_rotation: bool = False) -> Array:
-        """Return values (F, n) of visible frames at the steady times.
+        """Return values (F, n) at the steady times, interpolated between frames of the mask `visible` (F,).
 
         The result is NaN where frames were lost at a steady rate, between frames far apart, and next to hidden values.
         """
@@ -167,7 +167,7 @@ class Clock:
         return replace(self, rows=self.rows[kept] - start, times_s=self.times_s[kept], frames=stop - start)
 
     def filtered(self, values: Array, change: Callable[[Array], Array], *, is_rotation: bool = False) -> Array:
-        """Return values (F, ..., n) at their own times, filtered at the steady rate; a single frame is unchanged."""
+        """Return values (F, ..., n) filtered at the steady rate, at their own times; a single frame is unchanged."""
         if len(self.rows) < 2:
             return values
         if self.is_whole:
@@ -181,9 +181,9 @@ def clock_of(times_s: Array, stated_fps: float | None = None, numbers: IntArray 
     """Return the clock for given frame times.
 
     Args:
-        times_s: Times (F,) of the frames; times that do not ascend, or are NaN, are left out.
+        times_s: Times (F,) of the frames; frames whose times do not ascend, or are NaN, get no time.
         stated_fps: Rate stated in a header; None, zero or NaN if there is none.
-        numbers: Frame numbers (F,), which can replace rounded times.
+        numbers: Frame numbers (F,), which can replace times that were rounded.
 
     Raises:
         TakeError: No frame has a time, or no two frames have different times and no rate is stated.
@@ -220,7 +220,7 @@ def seconds_of(times: Array, stated_fps: float | None = None) -> Array:
     """Return times (F,) in seconds, converted from an unknown unit between seconds and nanoseconds.
 
     Args:
-        stated_fps: Rate stated in a header, which reveals the unit; without it, the unit is the one that gives a rate
+        stated_fps: Rate stated in a header, which tells the unit; without it, the first unit is used that gives a rate
             of 5 to 5,000 Hz.
     """
     steps = np.diff(times[np.isfinite(times)])
@@ -242,7 +242,7 @@ def poses_at(times_s: Array, rotations: Array, positions_m: Array, wanted_s: Arr
 
     Args:
         times_s: Ascending times (F,).
-        rotations, positions_m: (F, ..., 4) and (F, ..., 3).
+        rotations, positions_m: Rotations (F, ..., 4) and positions (F, ..., 3).
         wanted_s: Times (N,), none before the first given pose or after the last.
     """
     return _between(times_s, rotations, wanted_s, True), _between(times_s, positions_m, wanted_s, False)
@@ -270,7 +270,7 @@ def _count_time(times_s: Array, numbers: IntArray, fps: float) -> bool:
 
 
 def _steady_places(times_s: Array, fps: float) -> IntArray | None:
-    """Return the frame counts (R,) since the first frame that explain the times, or None."""
+    """Return the numbers of frames (R,) since the first that explain times (R,) at a rate, or None."""
     since_s = times_s - times_s[0]
     places = np.round(since_s * fps).astype(np.int64)
     most_s = min(_rounding_s(times_s) + CLOCK.same / fps, CLOCK.widest / fps)
@@ -279,7 +279,7 @@ def _steady_places(times_s: Array, fps: float) -> IntArray | None:
 
 
 def _rounding_s(times_s: Array) -> float:
-    """Return the unit to which times were rounded, or 0 if they were not."""
+    """Return the unit to which times were rounded, s, or 0 if they were not."""
     for unit_s in CLOCK.roundings_s:
         ticks = times_s / unit_s
         if np.all(np.abs(ticks - np.round(ticks)) < 1e-3):
@@ -288,12 +288,12 @@ def _rounding_s(times_s: Array) -> float:
 
 
 def _usual(fps: float) -> float:
-    """Return the usual rate nearest to a rate on a logarithmic scale."""
+    """Return the common rate that is nearest to a rate on a logarithmic scale."""
     return min((float(rate) for rate in CLOCK.usual_hz), key=lambda rate: abs(np.log(rate / fps)))
 
 
 def _places(times_s: Array, wanted_s: Array) -> tuple[IntArray, Array, Array]:
-    """Return for each wanted time the preceding frame, the fraction of the step, and the step's length, s."""
+    """Return, for each wanted time, the preceding frame, the fraction of the transition, and the step's length, s."""
     if len(times_s) < 2:
         nothing = np.zeros(len(wanted_s))
         return nothing.astype(np.int64), nothing, nothing
@@ -333,7 +333,7 @@ def _order_notes(clock: Clock) -> list[ClockNote]:
 
 def _header_notes(clock: Clock) -> list[ClockNote]:
     stated = clock.stated_fps
-    # when frames are unevenly spaced, a header can only state the mean rate
+    # if frames are unevenly spaced, a header can only state the mean rate
     if stated is None or any(abs(stated / fps - 1.0) <= CLOCK.near for fps in (clock.fps, clock.mean_fps)):
         return []
     text = (

@@ -2,8 +2,8 @@
 
 The lock holds the ball of the foot (the toe joint), because the heel lifts long before the foot leaves the floor. The
 ankle moves by the offset from the solved to the held ball; hip and knee rotate in the plane of the leg so that the
-ankle gets there, and the foot keeps its orientation in the world. After the release the offset fades out, so that
-nothing jumps.
+ankle follows, and the foot keeps its orientation in the world. After the release the offset fades out, so that nothing
+jumps.
 """
 
 from dataclasses import dataclass, field, replace
@@ -28,21 +28,21 @@ _KNEE_AXIS = np.array([1.0, 0.0, 0.0])  # hinge of a straight leg: to the perfor
 class FootLockSettings:
     """Limits for standing feet; heights are relative to the ball's height when standing."""
 
-    sole_m: float = 0.02  # height of a standing foot's lowest joint above the floor
-    speed_window_s: float = 0.06  # time over which speeds are measured: between two frames they are mostly noise
+    sole_m: float = 0.02  # height of the lowest joint of a standing foot above the floor
+    speed_window_s: float = 0.06  # time over which a speed is measured, because between two frames it is mostly noise
     planted_m_s: float = 0.2  # below this speed a low foot is planted
     lifted_m_s: float = 0.4  # above this speed a planted foot is released
     planted_m: float = 0.05  # below this height a foot can be planted
     lifted_m: float = 0.09  # above this height a planted foot is released
-    reach_m: float = 0.05  # largest offset of a held foot; a larger one means that the foot really moved
+    reach_m: float = 0.05  # largest offset of a held foot; a larger one shows that the foot really moved
     glide_reach_m: float = 0.30  # largest offset of a foot that is held although it glides
-    lower_m: float = 0.02  # a foot must be this much lower than the held one to replace it
+    lower_m: float = 0.02  # height by which a foot must be lower than the held one to replace it
     fade_s: float = 0.12  # time constant of the release
-    # longest reach, fraction of the leg's length; beyond it, millimetres turn the knee by degrees
+    # longest reach, as a fraction of the leg's length; beyond it, a millimetre turns the knee by degrees
     straightest: float = 0.995
     pause_s: float = 0.25  # time without a pose after which the lock restarts
-    floor_memory_s: float = 2.0  # time in which the lowest ball of a foot shows the height of an unknown floor
-    floor_percentile: float = 5.0  # percentile of the lower foot's heights taken as the floor of a motion
+    floor_memory_s: float = 2.0  # period whose lowest ball of a foot shows the height of an unknown floor
+    floor_percentile: float = 5.0  # percentile of the lower foot's heights that represents the floor of a motion
 
 
 _SETTINGS = FootLockSettings()
@@ -54,7 +54,7 @@ def floor_of(rig: CameraRig | None) -> float | None:
 
 
 def hold_feet(motion: Motion, mode: str, floor_m: float | None) -> Motion:
-    """Return a motion with its feet held in place; arguments and errors are those of `FootLock`.
+    """Return a motion with planted feet held in place; arguments and errors are those of `FootLock`.
 
     The height of an unknown floor is estimated from the lower foot of each frame.
     """
@@ -79,7 +79,7 @@ def _within(reach_m: float, start: Array, end: Array) -> Array:
 
 
 def _standing_heights(skeleton: Skeleton) -> tuple[float, float]:
-    """Return the heights of a standing person's left and right ball of the foot."""
+    """Return the heights above the floor of a standing person's left and right ball of the foot."""
     heights = forward_kinematics(skeleton, standing(skeleton), np.zeros(3))[0][:, 1]
     found = []
     for side in "lr":
@@ -90,7 +90,7 @@ def _standing_heights(skeleton: Skeleton) -> tuple[float, float]:
 
 @dataclass
 class _Foot:
-    """Joints of one leg, and the position at which its foot is held."""
+    """Joints of one leg, and the state of its lock."""
 
     femur: int
     tibia: int
@@ -132,7 +132,7 @@ class FootLock:
         self._time_s = -np.inf
 
     def step(self, time_s: float, rotations: Array, root_position_m: Array) -> Array:
-        """Return the next pose's rotations (J, 4) with held feet; `time_s` must increase from call to call."""
+        """Return the next pose's rotations (J, 4) with planted feet held; `time_s` must increase from call to call."""
         if self.mode == "off":
             return rotations
         passed_s = time_s - self._time_s
@@ -163,7 +163,7 @@ class FootLock:
         return min(height for _, height in self._lowest)
 
     def _carrying(self, heights: list[float]) -> _Foot:
-        """Return the lower foot, but keep the held one until the other is clearly lower."""
+        """Return the lower foot, or the held one until the other is clearly lower."""
         bonus = [_SETTINGS.lower_m if foot.anchor_m is not None else 0.0 for foot in self._feet]
         return self._feet[int(np.argmin(np.subtract(heights, bonus)))]
 
@@ -185,7 +185,8 @@ class FootLock:
                 slow, fast = _SETTINGS.planted_m_s, _SETTINGS.lifted_m_s
                 leaves = min(max((speed - slow) / (fast - slow), 0.0), 1.0)
                 wanted *= np.exp(-leaves * passed_s / _SETTINGS.fade_s)
-                # the measured speed lags, so a quick lift-off is noticed late: limit the change of the offset
+                # the measured speed lags, so a quick lift-off is noticed late; until then the offset may grow only
+                # slowly
                 wanted = _within(_SETTINGS.lifted_m_s * passed_s, foot.offset_m, wanted)
                 foot.anchor_m = ball + wanted
             if np.linalg.norm(wanted) <= (_SETTINGS.glide_reach_m if glides else _SETTINGS.reach_m):
@@ -195,7 +196,7 @@ class FootLock:
         foot.offset_m = foot.offset_m * np.exp(-passed_s / _SETTINGS.fade_s)
 
     def _reach(self, foot: _Foot, rotations: Array, positions: Array, world: Array) -> None:
-        """Turn hip, knee and ankle in `rotations` so that the ankle moves by the foot's offset."""
+        """Turn hip, knee and ankle, in place in `rotations`, so that the ankle moves by the foot's offset."""
         hip, knee, ankle = positions[foot.femur], positions[foot.tibia], positions[foot.foot]
         femur, tibia = reach_with_two_bones(
             (hip, knee, ankle),

@@ -1,6 +1,6 @@
-"""Frames and axes in which the standard skeleton's joint angles are measured: those of the CMU database.
+"""Frames and axes for the standard skeleton's joint angles: those of the CMU database.
 
-The frames come from the ASF files of that database, which agree for all its subjects.
+The frames come from that database's ASF files, in which they are the same for all subjects.
 """
 
 from dataclasses import replace
@@ -14,7 +14,7 @@ from .standard_skeleton import JOINT_NAMES, facts_of
 
 
 def angle_frame(name: str) -> tuple[Array, str]:
-    """Return a joint's rest-from-angle-frame quaternion (4,) and angle order."""
+    """Return a joint's rest-from-angle-frame quaternion (4,) and the order of its angles."""
     row = facts_of(name) if name in JOINT_NAMES else {}
     mirror = np.array([1.0, 1.0, 1.0] if name.startswith("l") else [1.0, -1.0, -1.0])
     x, y, z = np.radians(np.array(row.get("angle_frame_deg", (0.0, 0.0, 0.0))) * mirror)

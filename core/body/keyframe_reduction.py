@@ -1,9 +1,9 @@
 """Keyframe reduction of densely sampled curves within an error bound.
 
 Between two keys, the curve is the cubic Hermite segment with the recorded values and slopes at the keys; animation
-programs draw it as a Bezier curve whose handles reach a third of the way. Where it differs from the recording by more
-than the bound, a key is inserted at the worst frame, and both halves are treated likewise (Douglas and Peucker 1973,
-for polylines). Slopes are those of the recording, so a new key leaves the other segments unchanged.
+programs represent it as a Bezier curve whose handles reach a third of the way. Where it differs from the recording by
+more than the bound, a key is inserted at the worst frame, and both halves are treated likewise (Douglas and Peucker
+1973, for polylines). Slopes are those of the recording, so a new key does not change other segments.
 """
 
 from collections.abc import Callable
@@ -16,7 +16,7 @@ from ..geometry.arrays import Array, IntArray
 
 
 def rotation_keys(frames: ArrayLike, quaternions: ArrayLike, bound_rad: float) -> IntArray:
-    """Return the frames (K,) to keep as keys so that a rotation stays within an angle of the recording.
+    """Return the frames (K,) to keep as keys so that a rotation stays within a given angle of the recording.
 
     Args:
         frames: Times (F,), strictly increasing.
@@ -32,7 +32,7 @@ def rotation_keys(frames: ArrayLike, quaternions: ArrayLike, bound_rad: float) -
 
 
 def location_keys(frames: ArrayLike, points: ArrayLike, bound: float) -> IntArray:
-    """Return the frames (K,) to keep as keys so that points (F, 3) stay within a distance of the recording."""
+    """Return the frames (K,) to keep as keys so that points (F, 3) stay within a given distance of the recording."""
     return _keys(frames, points, lambda curve, record: np.linalg.norm(curve - record, axis=-1), bound)
 
 
@@ -62,7 +62,7 @@ def _keys(frames: ArrayLike, values: ArrayLike, strays: Callable[[Array, Array],
 
 
 def _hermite(at: Array, record: Array, steep: Array, first: int, last: int) -> Array:
-    """Return the cubic between two keys at the times between them."""
+    """Return the values (n, C) of the cubic between two keys at the times between them."""
     length = at[last] - at[first]
     s = ((at[first + 1 : last] - at[first]) / length)[:, None]
     ends = (1.0 + 2.0 * s) * (1.0 - s) ** 2 * record[first] + s**2 * (3.0 - 2.0 * s) * record[last]

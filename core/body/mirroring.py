@@ -21,7 +21,7 @@ _SIDES = {"left": "right", "right": "left"}
 
 
 def mirrored_rotations(rotations: NDArray[Any]) -> NDArray[Any]:
-    """Return the mirror image of rotations (..., J, 4), the root's included."""
+    """Return the mirror image of rotations (..., J, 4), including the root's."""
     return rotations[..., _OTHER_SIDE, :] * _QUATERNION_SIGNS
 
 
@@ -42,5 +42,5 @@ def mirrored_skeleton(skeleton: Skeleton) -> Skeleton:
 
 
 def mirrored_behaviour(behaviour: str) -> str:
-    """Return the mirrored name: "walk-turn-left" -> "walk-turn-right"."""
+    """Return a behaviour's name with left and right exchanged: "walk-turn-left" -> "walk-turn-right"."""
     return re.sub(r"(?<![a-z])(left|right)(?![a-z])", lambda match: _SIDES[match[1]], behaviour)

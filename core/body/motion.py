@@ -9,9 +9,9 @@ from ..geometry import rotations as rot
 from ..geometry.arrays import Array, IntArray
 from .skeleton import Skeleton
 
-LEAST_FPS, MOST_FPS = 1.0, 2000.0  # frame rates of motion and markers in files
+LEAST_FPS, MOST_FPS = 1.0, 2000.0  # lowest and highest frame rate of motion and markers in files
 _FARTHEST_M = 1e4  # largest coordinate of the root
-_LEAST_SQUARE, _MOST_SQUARE = 0.998, 1.002  # squared length of a unit quaternion read from rounded numbers
+_LEAST_SQUARE, _MOST_SQUARE = 0.998, 1.002  # limits of the squared length of a unit quaternion after rounding in a file
 
 
 @dataclass(frozen=True)
@@ -107,13 +107,13 @@ def resampled(motion: Motion, fps: float) -> Motion:
 
 
 def with_lead_in(motion: Motion, frames: int) -> Motion:
-    """Return the motion with its first pose held for some frames before it."""
+    """Return the motion preceded by some frames that hold its first pose."""
     shown = np.concatenate((np.zeros(frames, dtype=np.int64), np.arange(motion.frames)))
     return replace(motion, rotations=motion.rotations[shown], root_positions_m=motion.root_positions_m[shown])
 
 
 def _between_frames(rotations: Array, before: IntArray, fraction: Array) -> Array:
-    # if the rates have a simple ratio, many frames coincide with recorded ones, which are copied
+    # at a simple ratio of rates, many frames coincide with recorded ones, which are copied
     nearest = np.round(fraction)
     result = rotations[before + nearest.astype(np.int64)]
     apart = np.flatnonzero(fraction != nearest)
@@ -127,7 +127,7 @@ def eased_between(start: tuple[Array, Array], end: tuple[Array, Array], frames: 
     """Return rotations and root positions of a smooth transition between two poses.
 
     Args:
-        start, end: Rotations (J, 4) and root position (3,), neither part of the result.
+        start, end: Rotations (J, 4) and root position (3,), neither of which is part of the result.
         frames: Number of frames from start to end.
     """
     f = np.arange(1, frames) / frames

@@ -2,22 +2,23 @@
 
 A capture system that confuses markers, or a solver that finds the wrong one of two solutions, makes a joint jump
 between two frames and usually back some frames later. In fast motion the joint also moves in the neighbouring frames;
-at a defect it does not. A joint that is still, turns by e between two frames and is still again needs an acceleration
-of 4 e / dt^2. So the step of each joint is compared with the steps next to it. It is a jump if it differs from both by
-more than the accelerations that athletes reach, or is faster than athletes (`CleaningSettings`). At high rates these
-limits fall below the noise of solved recordings, so there are minimum steps as well.
+at a defect it does not. A joint that is still, turns by an angle e within one frame and is still again needs an
+acceleration of 4 e / dt^2. So the step of each joint is compared with the steps next to it. It is a jump if it differs
+from both by more than the accelerations that athletes reach, or is faster than athletes (`CleaningSettings`). At high
+frame rates these limits fall below the noise of solved recordings, so a jump must also exceed a minimum step.
 
 Treatment of each defect:
 
-- Root jump: the poses on both sides are kept, but speed and position are wrong there. The clip is cut into two.
-- Limb pop (all joints but `_ENDS`): the other joints of the limb are wrong as well, so it is not repaired. Frames
-  between two jumps at most `longest_pop_s` apart are cut out, and the rest becomes another clip. If the jumps are
-  further apart, it is unknown which side is right: both are kept, as separate clips.
-- Flip of hands, fingers, thumbs or toes (`_ENDS`): common, by half a turn, without other errors. Short flips are
-  interpolated. Longer ones are kept: a pose with a turned thumb is better than none.
+- Root jump: the poses on both sides are right, but speed and position are wrong at the jump. The clip is cut in two
+there.
+- Limb pop (all joints but `_ENDS`): the other joints of the limb are wrong as well, so the pop is not repaired. The
+  frames between two jumps at most `longest_pop_s` apart are cut out, and what follows becomes another clip. If the
+  jumps are further apart, it is unknown which side is right: both are kept, as separate clips.
+- Flip of hands, fingers, thumbs or toes (`_ENDS`): common, by half a turn, without errors of other joints. Short flips
+  are interpolated. Longer ones are kept: a pose with a turned thumb is better than none.
 - T pose added as first frame: cut off.
-- Angles that jump while the rotation does not (the two Euler forms of one rotation): kept, as the motion is right.
-  They are only reported, because they cause trouble in other programs.
+- Angles that jump while the rotation does not (the two Euler forms of one rotation): kept, as the motion is right. They
+  are only reported, because they cause problems in other programs.
 """
 
 from collections.abc import Callable, Sequence
@@ -33,7 +34,7 @@ from .motion import Motion, sliced
 from .skeleton import forward_kinematics
 from .standard_skeleton import JOINT_NAMES
 
-Apart = Callable[[int, int], float]  # distance between two frames
+Apart = Callable[[int, int], float]  # function that returns the distance between two frames
 
 
 @dataclass(frozen=True)
@@ -42,7 +43,7 @@ class CleaningSettings:
 
     Shoulders and elbows of pitchers reach 130 rad/s and 5,000 rad/s^2. The fastest sprinters run 12.5 m/s, and landings
     load the pelvis with 10 to 20 g. The minimum steps lie above the noise: a marker that is 3 to 5 cm off turns a bone
-    by this much, a short bone by more.
+    by about as much, and short bones by more.
     """
 
     turn_rad_s: float = 130.0  # highest angular speed of a joint
@@ -54,10 +55,10 @@ class CleaningSettings:
     root_m_s2: float = 500.0  # largest acceleration of the root
     root_step_m: float = 0.05  # smallest jump of the root between two frames
     longest_pop_s: float = 0.25  # longest pop that is cut out or interpolated
-    settled: float = 0.25  # a joint has returned when it is this near to its pose before a jump, fraction of the jump
+    settled: float = 0.25  # largest distance, as a fraction of the jump, of a joint that is back at its earlier pose
     t_step_deg: float = 25.0  # smallest rotation of both arms between an added T pose and the first real frame
     straight_deg: float = 20.0  # largest bend of a straight limb
-    raised_deg: float = 30.0  # smallest angle between the upper arms and straight down in a T or A pose
+    raised_deg: float = 30.0  # smallest angle of the upper arms from straight down in a T or A pose
 
 
 _SETTINGS = CleaningSettings()
@@ -77,7 +78,8 @@ class Defect:
 
     Args:
         kind: Name of the defect ("limb pop of lfoot").
-        first, last: Frames of the file, counted from 1; 0 if the defect does not concern particular frames.
+        first, last: First and last frame in the file, counted from 1; 0 if the defect does not concern particular
+            frames.
         done: Treatment ("kept", "cut out", ...).
     """
 
@@ -89,7 +91,7 @@ class Defect:
 
 @dataclass(frozen=True)
 class CleanedMotion:
-    """Unbroken parts of a motion with their first frames, and its defects."""
+    """Sound parts of a motion, each with its first frame, and the motion's defects."""
 
     parts: tuple[tuple[int, Motion], ...]
     defects: tuple[Defect, ...]
@@ -123,9 +125,10 @@ def clean_motion(motion: Motion, angle_jumps: Mask) -> CleanedMotion:
 
 
 def _isolated(steps: Array) -> Array:
-    """Return the difference (F - 1, ...) of each step from the more similar of its neighbours.
+    """Return the difference (F - 1, J) of each step from the more similar of the two steps next to it.
 
-    The first and last steps have only one neighbour, which may be the jump itself, so the next but one counts as well.
+    The first and last steps have only one neighbour, which may be the jump itself, so the next but one is compared,
+    too.
     """
     before = np.roll(steps, 1, axis=0)
     after = np.roll(steps, -1, axis=0)
@@ -134,7 +137,7 @@ def _isolated(steps: Array) -> Array:
 
 
 def _joint_jumps(motion: Motion) -> Mask:
-    """Return a mask (F, J) of the first frames after a jump of a joint's rotation."""
+    """Return a mask (F, J) of the frames at which a joint's rotation jumps from the previous frame."""
     # twice the chord between unit quaternions is about the angle between them
     steps = 2.0 * np.diff(rot.continuous(motion.rotations), axis=0)
     needed = _SETTINGS.turn_rad_s2 / (4.0 * motion.fps**2)
@@ -143,7 +146,7 @@ def _joint_jumps(motion: Motion) -> Mask:
 
 
 def _root_jumps(motion: Motion) -> Mask:
-    """Return a mask (F,) of the first frames after a jump of the root."""
+    """Return a mask (F,) of the frames at which the root jumps from the previous frame."""
     steps = np.diff(motion.root_positions_m, axis=0)
     limit = max(_SETTINGS.root_m_s2 / (4.0 * motion.fps**2), _SETTINGS.root_step_m)
     return _jumps(steps[:, None], np.array([limit]), np.array([max(limit, _SETTINGS.root_m_s / motion.fps)]))[:, 0]
@@ -167,13 +170,13 @@ def _jumps(steps: Array, limits: Array, fastest: Array) -> Mask:
 
 
 def _pops(jumps: Mask, apart: Apart, start: int, longest: int) -> tuple[Mask, list[int]]:
-    """Return a mask (F,) of pops, from a jump to the jump back, and the jumps that have no jump back.
+    """Return a mask (F,) of the frames in pops, from a jump to the jump back, and the jumps without a jump back.
 
-    A pop lasts at most `longest` frames, and is shorter than the motion before or after it. The frames around it are
-    nearer to each other than to the pop. The jump back may be spread over several frames.
+    A pop lasts at most `longest` frames, and not longer than the sound motion before it or after it. The frames around
+    it are nearer to each other than to the pop. The jump back may be spread over several frames.
 
     Args:
-        jumps: Mask (F,) of the first frames after a jump.
+        jumps: Mask (F,) of the frames at which there is a jump.
         apart: Function that returns the distance between two frames.
     """
     popped = np.zeros(len(jumps), dtype=np.bool_)
@@ -182,7 +185,7 @@ def _pops(jumps: Mask, apart: Apart, start: int, longest: int) -> tuple[Mask, li
     sound_from = start
     while places:
         at = places.pop(0)
-        ends = [*places[1:], len(jumps)]  # ends of the parts that begin at the later jumps
+        ends = [*places[1:], len(jumps)]  # ends of the parts that begin at the later of these jumps
         back = next(
             (
                 later
@@ -259,7 +262,7 @@ def _bridge(rotations: Array, first: int, stop: int, start: int) -> Array:
 def _sound_parts(
     motion: Motion, jumps: Mask, moved: Mask, start: int, defects: list[Defect]
 ) -> list[tuple[int, Motion]]:
-    """Return the parts between jumps of root and limbs, without frames in pops."""
+    """Return the parts between jumps of root and limbs, without frames in pops, each with its first frame."""
     limbs = jumps & ~_ENDS
     longest = int(_SETTINGS.longest_pop_s * motion.fps)
     positions = motion.root_positions_m

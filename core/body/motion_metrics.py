@@ -1,4 +1,4 @@
-"""Errors of a motion relative to the truth: angles, positions, jitter, foot skate."""
+"""Errors of a motion relative to the ground truth: angles, positions, jitter, foot skate."""
 
 from dataclasses import dataclass, replace
 from typing import Any
@@ -24,10 +24,10 @@ _MAIN_JOINTS = {
 
 @dataclass(frozen=True)
 class ContactSettings:
-    """Limits for toes that are planted on the floor."""
+    """Limits within which toes are planted on the floor."""
 
     speed_m_s: float = 0.15  # largest speed, well above measurement noise
-    height_m: float = 0.05  # largest height above the lowest point within a second
+    height_m: float = 0.05  # largest height above the toes' lowest position within a second
 
 
 CONTACT = ContactSettings()
@@ -35,7 +35,7 @@ CONTACT = ContactSettings()
 
 @dataclass(frozen=True)
 class _Pair:
-    """The compared frames of both motions, with the joints in the same order, root first."""
+    """The frames of both motions that are compared, with their joints in the same order, root first."""
 
     motion: Motion
     truth: Motion
@@ -44,7 +44,7 @@ class _Pair:
 
 @dataclass(frozen=True)
 class _Errors:
-    """Errors of every frame: joints (F, J) with the root, joint angles (F, A)."""
+    """Errors in every frame: of joints (F, J), including the root, and of joint angles (F, A)."""
 
     rotation_deg: Array
     angle_deg: Array
@@ -62,29 +62,29 @@ def evaluate(motion: Motion, truth: Motion, skeleton: Skeleton | None = None) ->
     The truth is resampled to the motion's rate. Only the frames and joints (by name) that both have are compared.
 
     Args:
-        skeleton: Skeleton with the frames and axes of the joint angles; by default the truth's, or the CMU database's
-            if the truth has none.
+        skeleton: Skeleton with the frames and axes of the joint angles; by default those of the truth or, if it has
+            none, of the CMU database.
 
     Returns:
         Measures by name.
 
         - deg_per_joint: mean angle between the local rotations over all frames and joints except the root, degrees.
-        - deg_per_angle: mean absolute difference of the joint angles, wrapped, degrees; of the two triples of angles
-          for one rotation, the nearer one is compared.
+        - deg_per_angle: mean absolute difference of the joint angles, wrapped, degrees; each rotation has two triples
+          of angles, the nearer of which is compared.
         - mpjpe_mm: mean joint distance with the roots aligned; mpjpe_absolute_mm: without aligning them.
         - bone_direction_deg: mean angle between the bones' directions in the world; bone_direction_in_root_deg: the
           same in the root's frame; main_bone_direction_deg: for torso, arms and legs only (NaN if the motions have
           none of them).
         - twist_deg: mean error of the local rotation about the bone.
         - root_position_mm, root_rotation_deg: mean errors of the root.
-        - jitter_ratio: mean third difference of the joint positions, relative to the truth's (NaN if the truth does
-          not move).
+        - jitter_ratio: mean third difference of the joint positions relative to the truth's (NaN if the truth does not
+          move).
         - foot_skate_cm_s: mean horizontal speed of the toes in frames in which the true toes are planted (NaN if they
           never are); foot_skate_truth_cm_s: the truth's own.
         - frames, fps, joints, per_joint, worst_frames, notes.
 
     Raises:
-        FormatError: The motions share only one joint.
+        FormatError: The motions have fewer than two joints in common.
     """
     pair = _aligned(motion, truth)
     angle_skeleton = _angle_skeleton(skeleton or pair.truth.skeleton, pair.truth.skeleton)
@@ -163,8 +163,8 @@ def _with_joints(motion: Motion, names: list[str]) -> Motion:
 
 
 def _angle_skeleton(chosen: Skeleton, compared: Skeleton) -> Skeleton:
-    """Return the compared skeleton with the angle frames of the chosen skeleton."""
-    without_own = np.allclose(chosen.angle_axes[:, 0], 1.0)  # every frame is the identity
+    """Return the skeleton `compared` with the angle frames of the chosen skeleton."""
+    without_own = np.allclose(chosen.angle_axes[:, 0], 1.0)  # all frames are the identity
     if without_own and set(chosen.names) <= set(JOINT_NAMES):
         chosen = with_angle_frames(chosen)
     missing = [name for name in compared.names if name not in chosen.names]
@@ -213,11 +213,12 @@ def _angles_between(a: Array, b: Array) -> Array:
 
 
 def angle_errors_deg(skeleton: Skeleton, mine: Array, theirs: Array) -> tuple[Array, IntArray]:
-    """Return angle differences (F, A) in degrees, without the root's, and the joints (A,) of the angles.
+    """Return the differences (F, A) of joint angles in degrees, without the root's, and the joint (A,) of each angle.
 
     Args:
         skeleton: Skeleton with the axes of the joint angles.
-        mine, theirs: Local rotations (F, J, 4); of the two triples for one rotation the nearer is compared.
+        mine, theirs: Local rotations (F, J, 4); each rotation has two triples of angles, the nearer of which is
+            compared.
 
     Raises:
         FormatError: No joint has an angle.
@@ -257,7 +258,7 @@ def _jitter_ratio(estimated: Array, true: Array) -> float:
 
 
 def _foot_skate(truth: Motion, estimated: Array, true: Array) -> tuple[float, float]:
-    """Return the mean toe speeds of both motions, cm/s, in frames in which the true toes are planted."""
+    """Return the mean toe speeds, cm/s, estimated and true, in the frames in which the true toes are planted."""
     feet = [truth.skeleton.names.index(name) for name in _FOOT_JOINTS if name in truth.skeleton.names]
     if not feet or len(true) < 2:
         return float("nan"), float("nan")

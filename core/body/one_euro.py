@@ -1,8 +1,8 @@
 """One-euro filter for poses: removes jitter at the cost of a chosen delay.
 
 Casiez, Roussel and Vogel, "1 euro filter: a simple speed-based low-pass filter for noisy input in interactive systems",
-CHI 2012: a first-order low-pass filter whose cutoff rises with the speed, so it calms a still pose and hardly delays
-fast motion.
+CHI 2012: a first-order low-pass filter whose cutoff rises with the speed, so that it calms still poses and hardly
+delays fast motion.
 """
 
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ class OneEuroSettings:
 
     hz_per_rad_s: float = 1.0  # increase of the cutoff with the speed of a rotation
     hz_per_m_s: float = 4.0  # increase of the cutoff with the speed of the root
-    speed_hz: float = 2.0  # cutoff of the speed estimates
+    speed_hz: float = 2.0  # cutoff of the filter for speeds
     pause_s: float = 0.25  # time without a pose after which the filter restarts
 
 
@@ -30,7 +30,7 @@ class PoseSmoother:
     """Smooths poses one after another.
 
     Args:
-        delay_s: Delay of slow motion; for faster motion it is 1 / (2 pi cutoff).
+        delay_s: Delay of slow motion; it falls with the speed, as 1 / (2 pi cutoff).
     """
 
     def __init__(self, delay_s: float) -> None:
@@ -38,7 +38,7 @@ class PoseSmoother:
         self._last: tuple[float, Array, Array] | None = None
 
     def step(self, time_s: float, rotations: Array, root_position_m: Array) -> tuple[Array, Array]:
-        """Return the next pose's smoothed rotations (J, 4) and root (3,); times must ascend."""
+        """Return the next pose's smoothed rotations (J, 4) and root position (3,); times must ascend."""
         last = self._last
         if self.delay_s <= 0.0 or last is None or not 0.0 < time_s - last[0] < _SETTINGS.pause_s:
             self._last = time_s, rotations, root_position_m
@@ -62,5 +62,5 @@ class PoseSmoother:
 
 
 def _share(cutoff_hz: Array | float, passed_s: float) -> Array:
-    """Return the fraction by which a first-order low-pass filter moves to a new value."""
+    """Return the fraction of the way to a new value that a first-order low-pass filter moves."""
     return np.asarray(1.0 - np.exp(-2.0 * np.pi * np.asarray(cutoff_hz) * passed_s))

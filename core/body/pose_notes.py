@@ -1,4 +1,4 @@
-"""Notes on solved poses: a kind for programs, a sentence for people and files."""
+"""Notes on solved poses, each with a kind for programs and a sentence for people and files."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -10,7 +10,7 @@ from .body_parts import PARTS
 class NoteKind(Enum):
     """Kinds of notes on a pose."""
 
-    SOURCE = auto()  # message from a camera, or from another source of marker frames
+    SOURCE = auto()  # message from a camera, or another source of marker frames
     HIDDEN = auto()  # markers or a prop are hidden
     JUMPED = auto()  # markers moved faster than a body can, and are not used yet
     EXCHANGED = auto()  # markers had each other's labels, which were corrected
@@ -19,7 +19,7 @@ class NoteKind(Enum):
     HELD = auto()
     WAITING = auto()
     REFUSED = auto()
-    # Why the solver started over; noted on the first pose after that.
+    # Why the solver started over; these are noted on the first pose after that.
     TIMES_JUMPED = auto()
     TORSO_LOST = auto()
     MISFIT = auto()
@@ -27,7 +27,7 @@ class NoteKind(Enum):
     CUT = auto()
     NEARER_EXAMPLE = auto()
     OTHER_MOTION = auto()
-    # Labels that the session found.
+    # Labels that the session found or changed.
     LABELLED = auto()
     LABELLED_MORE = auto()
     RELABELLED = auto()
@@ -35,7 +35,7 @@ class NoteKind(Enum):
     PRIOR_LED = auto()  # the learned prior had more weight than the examples
 
 
-# Decisions of the solver are not problems: they are kept with a take's poses and listed on request.
+# Decisions of the solver are not problems: takes store them with the poses, and they are listed on request.
 _DECISIONS = {
     NoteKind.TIMES_JUMPED: "started over: the times of the frames jumped",
     NoteKind.TORSO_LOST: "started over: the torso was hidden for too long",
@@ -67,7 +67,7 @@ class PoseNote:
     """Note on a pose.
 
     Args:
-        text: Sentence for people; files store only this.
+        text: Sentence for people; this is all that files store.
         part: Part of the body (`body_parts.PARTS`) that the note is about; "" for the whole pose.
     """
 
@@ -87,7 +87,7 @@ class PoseNote:
 
     @classmethod
     def of(cls, kind: NoteKind) -> "PoseNote":
-        """Return the note for a kind that has only one sentence."""
+        """Return the note of a kind that always has the same sentence."""
         return cls(kind, _SENTENCES[kind])
 
     @classmethod
@@ -121,5 +121,5 @@ class PoseNote:
 
 
 def source_notes(texts: Iterable[str]) -> tuple[PoseNote, ...]:
-    """Return the messages of a source as notes."""
+    """Return notes with the messages of a source."""
     return tuple(PoseNote(NoteKind.SOURCE, text) for text in texts)

@@ -1,9 +1,9 @@
-"""Slew limit for poses: a joint may only jump if markers below it show that it does.
+"""Slew limit for poses: a joint may turn suddenly only if markers below it show such a movement.
 
 When a marker reappears, or the same markers are explained differently, a joint can move faster than a body can. Such a
-joint moves to its new rotation at a limited rate. It may be faster in a movement that has accelerated over several
-frames and carries markers along, so a punch is shown as solved. Where the markers themselves jump, nothing is limited:
-they show another person, or the same one after a gap.
+joint is turned to its new rotation at a limited rate. It may turn faster in a movement that has gained speed over
+several frames and carries markers along, so a punch is shown as solved. If the markers themselves jump, nothing is
+limited: they show another person, or the same one after a gap.
 """
 
 from collections import deque
@@ -16,21 +16,22 @@ from ..geometry.arrays import Array, IntArray, Mask
 from .skeleton import Skeleton
 
 _FRAME_S = 1.0 / 60.0  # frame interval to which the limits below refer
-_USUAL_RAD = np.radians(9.8)  # largest rotation per frame without markers that show it
-_AT_CHANGE_RAD = np.radians(2.9)  # limit for the two frames after a marker of the limb appears or disappears
+_USUAL_RAD = np.radians(9.8)  # largest rotation per frame that no marker needs to show
+_AT_CHANGE_RAD = np.radians(2.9)  # the same in the two frames after a marker of the limb appears or disappears
 _GATHERED_RAD = np.radians(3.34)  # largest increase of the rotation per frame in an accelerating movement
-_GATHERED_FRAMES = 5  # number of earlier frames that the rotation is compared with
+_GATHERED_FRAMES = 5  # number of earlier frames with which the rotation is compared
 _GAINS_RAD = _GATHERED_RAD * np.arange(_GATHERED_FRAMES, -1, -1)[:, None]
-_LEVER_M = 0.32  # a joint's rotation is limited to the movement of a marker below it, divided by this lever
-_FASTEST_M = 0.15  # largest movement of a marker per frame; faster ones do not count
-# first poses of a body just found, shown as solved: the very first may be wrong, and must not hold back the next
+_LEVER_M = 0.32  # lever by which a marker's movement is divided to limit the rotation of joints above it
+_FASTEST_M = 0.15  # movement of a marker per frame above which it is not used
+# number of first poses of a body just found that are shown as solved: the very first may be wrong, and must not hold
+# back the next
 _NEW_FRAMES = 8
-_FADING = 0.8  # factor per frame for the last movement of a hidden marker
+_FADING = 0.8  # factor per frame by which the last movement of a hidden marker decays
 _PAUSE_S = 0.25  # time without a pose after which the limit restarts
 _CUT_M = 0.15  # distance per frame from all recent positions that makes a marker part of a cut
-_CUT_MARKERS, _CUT_SHARE = 2, 0.2  # number and share of such markers that make a cut
-_CUT_SHARE_FOUND = 0.6  # the share when labels were found, because some points may be ghosts
-_EXCHANGED_M = 0.05  # distance per frame from another marker's recent position that explains a jump by exchanged labels
+_CUT_MARKERS, _CUT_SHARE = 2, 0.2  # smallest number and share of such markers that make a cut
+_CUT_SHARE_FOUND = 0.6  # this share if the session found the labels, because some points may be ghosts
+_EXCHANGED_M = 0.05  # distance per frame from another marker's recent position up to which labels were exchanged
 
 
 class PoseSlewLimit:
@@ -38,15 +39,15 @@ class PoseSlewLimit:
 
     Args:
         carriers: Joint (M,) of each marker.
-        offsets_m: Markers (M, 3) in their joints' frames.
+        offsets_m: Offsets (M, 3) of the markers in their joints' frames.
     """
 
     def __init__(self, skeleton: Skeleton, carriers: IntArray, offsets_m: Array) -> None:
-        below = skeleton.is_ancestor[carriers]  # the joints that carry a marker
+        below = skeleton.is_ancestor[carriers]  # the joints that can move each marker: its carrier and the ancestors
         self._limbs: Mask = below | skeleton.is_ancestor.T[carriers]
         rest_m = skeleton.rest_positions_m
         levers_m = np.linalg.norm((rest_m[carriers] + offsets_m)[:, None] - rest_m, axis=-1)
-        # a marker close to a joint moves mostly with the joints above
+        # a marker close to a joint is moved mostly by the joints above
         self._shares = below * np.minimum(levers_m / _LEVER_M, 1.0) ** 2
         self.reset()
 
@@ -104,7 +105,7 @@ class PoseSlewLimit:
         far = np.fmin.reduce(np.add.reduce(away_m * away_m, axis=-1)) > (_CUT_M * frames) ** 2
         if not far.any():
             return False
-        # a marker with an exchanged label is where another marker was
+        # a marker whose label was exchanged is where another marker was
         others_m = np.linalg.norm(points_m[far, None] - recent_m[:, far].reshape(-1, 3), axis=-1)
         moved = np.sum(np.fmin.reduce(others_m, axis=1, initial=np.inf) > _EXCHANGED_M * frames[far])
         return bool(moved >= max(_CUT_MARKERS, share * np.isfinite(points_m[:, 0]).sum()))
@@ -112,7 +113,7 @@ class PoseSlewLimit:
     def _limited(
         self, frames: float, rotations: Array, in_root_m: Array, changed: Mask, held: bool, doubtful: Sequence[int]
     ) -> Array:
-        """Return the limited rotations (J, 4).
+        """Return the rotations (J, 4), limited relative to the last pose shown.
 
         Args:
             frames: Time since the last pose in 60ths of a second.
@@ -134,7 +135,7 @@ class PoseSlewLimit:
         return limited
 
     def _limits(self, frames: float, in_root_m: Array, changed: Mask, directions: Array) -> Array:
-        """Return how far the joints (J,) may turn per frame in their directions (J, 3)."""
+        """Return the angles (J,) by which joints may turn per frame about given axes (J, 3)."""
         usual_rad = np.full(len(directions), _USUAL_RAD)
         if changed.any():
             usual_rad[self._limbs[changed].any(axis=0)] = _AT_CHANGE_RAD
@@ -150,5 +151,5 @@ class PoseSlewLimit:
 
 
 def _turn(start: Array, end: Array) -> Array:
-    """Return rotation vectors (J, 3) between rotations, in the joints' frames."""
+    """Return the rotation vectors (..., J, 3) from rotations to others, in the joints' frames."""
     return np.asarray(rot.to_rotation_vector(rot.multiply(rot.conjugate(start), end)))

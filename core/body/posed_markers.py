@@ -17,7 +17,7 @@ def markers_at_rest(
     """Return the markers (F, M, 3), metres, of poses with the root at rest.
 
     Equivalent to `rotations_from_pose` and `skeleton.marker_positions` in a seventh of the time: each component of a
-    rotation is an array over the poses, and joints without markers on or below them are skipped.
+    rotation is an array over all poses, and joints without markers on or below them are skipped.
 
     Args:
         joints: Joint (M,) of each marker.
@@ -53,7 +53,7 @@ def _exponential(vectors: Array) -> Quaternion:
 
 
 def _moved(origin: Vector, turn: Quaternion | None, offset_m: Array) -> Vector:
-    """Return an origin plus a rotated offset (3,); a rotation of None leaves the offset unchanged."""
+    """Return an origin (3, F) plus a rotated offset (3,); if the rotation is None, the offset is not rotated."""
     a, b, c = offset_m
     ox, oy, oz = origin
     if turn is None:

@@ -15,8 +15,8 @@ class PostureSettings:
     """Thresholds for a body that is upside down throughout a motion."""
 
     samples: int = 600  # largest number of frames that are checked
-    upright: float = 0.5  # cosine between up and trunk or thighs that a body reaches when it sits, crawls or stands
-    upright_share: float = 0.1  # smallest share of upright frames for a body that is upright at times
+    upright: float = 0.5  # cosine between up and trunk or thighs above which a body stands, sits or crawls
+    upright_share: float = 0.1  # smallest share of upright frames in the motion of a body that is upright at times
 
 
 _S = PostureSettings()
@@ -31,7 +31,7 @@ class Posture:
     Args:
         positions_m: Joints (F, J, 3).
         trunk: Cosine (F,) between up and the direction from the hips to the neck.
-        upright: Cosine (F,) for the trunk or the thighs, whichever is more upright.
+        upright: Cosine (F,) between up and the trunk or the thighs, whichever is more upright.
     """
 
     skeleton: Skeleton
@@ -70,7 +70,8 @@ def posture_of(motion: Motion) -> Posture:
 def turned_upright(motion: Motion) -> Motion | None:
     """Return the motion turned over if its world is upside down, otherwise None.
 
-    A performer in a handstand, or hanging by the feet, is above the floor, with the hands below the head.
+    In a handstand, or hanging by the feet, a performer is above the floor with the hands below the head, which is left
+    as it is.
     """
     if not posture_of(motion).world_is_upside_down:
         return None
@@ -83,6 +84,6 @@ def turned_upright(motion: Motion) -> Motion | None:
 
 
 def _rise(starts: Array, ends: Array) -> Array:
-    """Return the cosines between up and the directions (..., 3) from starts to ends."""
+    """Return the cosines (...) between up and the directions from starts (..., 3) to ends (..., 3)."""
     way = ends - starts
     return np.asarray(way[..., 1] / np.maximum(np.linalg.norm(way, axis=-1), 1e-9))

@@ -12,8 +12,8 @@ from .pose_notes import PoseNote
 
 DOUBTFUL = 0.3  # confidence below which a pose is probably wrong
 _TOGETHER_S = 0.1  # longest pause between equal notes that are reported as one
-_REASON = 0.25  # fraction of a passage's poses that must have a note for it to be the reason
-# expected error above which a part is probably wrong; that of hands and feet always exceeds half of their limit
+_REASON = 0.25  # fraction of the poses in a passage that must have a note for that to be the reason
+# expected errors above which parts are probably wrong; those of hands and feet always exceed half of their limit
 DOUBTFUL_PART_DEG = np.array([40.0 if part.endswith(("hand", "foot")) else 25.0 for part in PARTS])
 
 
@@ -25,8 +25,8 @@ class PropPose:
         rotation: World-from-prop quaternion (4,).
         position_m: The prop's origin (3,) in the world.
         rms_m: RMS distance between its located markers and those of the rigid prop; NaN if none was located.
-        seen: Number of its markers that any camera saw; 0 if the prop was not found. It then keeps its last pose,
-            initially the one at the origin.
+        seen: Number of its markers that any camera saw; 0 if the prop was not found. It then keeps its last pose, or is
+            at the origin before the first.
     """
 
     rotation: Array
@@ -132,7 +132,7 @@ class DoubtfulStretch:
 
     Args:
         start_s, stop_s: Time since the first pose.
-        reason: Most frequent note on its poses, only among notes on the part if there is one; "" if none is frequent.
+        reason: Most frequent note on its poses, or on that part in them; "" if no note is frequent.
         part: Part of the body; "" for the whole pose.
         first, last: First and last frame, counted from 0.
     """
@@ -147,12 +147,12 @@ class DoubtfulStretch:
 
 @dataclass(frozen=True)
 class Decision:
-    """Decision of the solver in a passage of a take, with the reason.
+    """Decision of the solver that is noted in a passage of a take, with the reason.
 
     Args:
         start_s, stop_s: Time since the first pose.
         kind: Name of the kind of note (`pose_notes.NoteKind`).
-        reason: The note.
+        reason: Text of the note.
         first, last: First and last frame, counted from 0.
     """
 
@@ -165,7 +165,7 @@ class Decision:
 
 
 def decisions(poses: Sequence[ScenePose]) -> list[Decision]:
-    """Return what the solver decided in successive poses, in the order of time."""
+    """Return what the solver decided in successive poses, in order of time."""
     open_at: dict[PoseNote, list[int]] = {}  # first and last frame
     found: list[tuple[int, int, PoseNote]] = []
     for at, pose in enumerate(poses):
@@ -188,7 +188,7 @@ def decisions(poses: Sequence[ScenePose]) -> list[Decision]:
 
 
 def doubtful_stretches(poses: Sequence[PerformerPose]) -> list[DoubtfulStretch]:
-    """Return the doubtful passages of a performer's whole poses, then those of single parts."""
+    """Return the passages in which a performer's whole pose is doubtful, then those in which single parts are."""
     stretches = _stretches(poses, [pose.doubtful for pose in poses])
     for part in PARTS:
         stretches += _stretches(poses, [not pose.doubtful and part in pose.doubtful_parts for pose in poses], part)

@@ -15,7 +15,7 @@ from ..geometry import rotations as rot
 from ..geometry.arrays import Array, IntArray, Mask
 
 MOST_JOINTS = 2000  # largest number of joints in a file
-_LONGEST_BONE_M = 10.0  # longer bones reveal a wrong unit of length
+_LONGEST_BONE_M = 10.0  # length above which bones are in a wrong unit
 _UNIT = np.eye(3)
 
 
@@ -29,8 +29,8 @@ class Skeleton:
         offsets_m: Joint origin (J, 3) relative to its parent's origin in the rest pose, metres (zero for the root).
         tips_m: End of the bone (J, 3) relative to the joint's origin in the rest pose, metres.
         angle_axes: Rest-from-angle-frame quaternions (J, 4): joint angles are measured in these frames (ASF "axis").
-        angle_orders: Axes (J) of the joint angles in `rotations.from_euler` order, e.g. "ZYX"; degrees of freedom
-            that a joint does not have are left out, e.g. "X" for a knee, "" for a fixed joint.
+        angle_orders: Axes (J) of the joint angles in `rotations.from_euler` order, e.g. "ZYX"; axes about which a joint
+            cannot turn are left out, e.g. "X" for a knee, "" for a fixed joint.
     """
 
     names: tuple[str, ...]
@@ -92,7 +92,7 @@ class Skeleton:
         return len(self.names)
 
     def index(self, name: str) -> int:
-        """Return the index of a joint; the SkeletonError for an unknown name lists all joints."""
+        """Return the index of a joint; for an unknown name, raise a SkeletonError that lists all joints."""
         try:
             return self.names.index(name)
         except ValueError:
@@ -100,24 +100,24 @@ class Skeleton:
 
     @cached_property
     def levels(self) -> tuple[IntArray, ...]:
-        """Joint indices grouped by depth below the root, for computation level by level."""
+        """Joint indices grouped by depth, without the root, for computation level by level."""
         return joint_levels(tuple(self.parents.tolist()))[1:]
 
     @cached_property
     def leaps(self) -> tuple[tuple[IntArray | slice, IntArray], ...]:
-        """Joints and their ancestors, as `joint_leaps` returns them."""
+        """Joints and their ancestors, see `joint_leaps`."""
         return joint_leaps(tuple(self.parents.tolist()))
 
     @cached_property
     def is_ancestor(self) -> Mask:
-        """Mask (J, J): joint j is joint i itself, or one of its ancestors."""
+        """Mask (J, J), true at (i, j) if joint j is joint i or one of its ancestors."""
         result = np.eye(len(self), dtype=bool)
         for joint in range(1, len(self)):
             result[joint] |= result[self.parents[joint]]
         return result
 
     def carrying(self, joints: IntArray) -> tuple["Skeleton", IntArray]:
-        """Return the skeleton of some joints and their ancestors, ordered by depth, and their indices in this one."""
+        """Return the skeleton of some joints and their ancestors, in order of depth, and their indices in this one."""
         kept = self.is_ancestor[joints].any(axis=0)
         order = np.concatenate([level[kept[level]] for level in joint_levels(tuple(self.parents.tolist()))])
         place = np.full(len(self) + 1, -1)  # the root's parent stays -1
@@ -127,13 +127,13 @@ class Skeleton:
 
     @cached_property
     def rest_positions_m(self) -> Array:
-        """Joint origins (J, 3) in the rest pose, root at the origin."""
+        """Joint origins (J, 3) in the rest pose, with the root at the origin."""
         return zero_pose_positions(self.parents, self.offsets_m)
 
 
 @lru_cache(maxsize=64)
 def joint_levels(parents: tuple[int, ...]) -> tuple[IntArray, ...]:
-    """Return the joints by depth, the root first, for computation level by level."""
+    """Return the joint indices grouped by depth, the root first, for computation level by level."""
     depth: list[int] = []
     for parent in parents:
         depth.append(depth[parent] + 1 if parent >= 0 else 0)
@@ -142,23 +142,23 @@ def joint_levels(parents: tuple[int, ...]) -> tuple[IntArray, ...]:
 
 @lru_cache(maxsize=64)
 def joint_leaps(parents: tuple[int, ...]) -> tuple[tuple[IntArray | slice, IntArray], ...]:
-    """Return joints with their ancestors 1, 2, 4, ... bones above, as far as these exist.
+    """Return pairs: the joints that have an ancestor 1, 2, 4, ... bones above, and those ancestors.
 
-    One product per entry turns transforms relative to parents into world transforms: each doubles the distance to the
-    ancestor that a joint's transform is relative to.
+    One product per pair turns transforms relative to parents into world transforms: each doubles the distance to the
+    ancestor to which a joint's transform is relative.
     """
     result: list[tuple[IntArray | slice, IntArray]] = []
     above = np.array(parents)
     while np.any(above >= 0):
         joints = np.flatnonzero(above >= 0)
-        # in order of depth, the joints this deep come last, so a slice can replace their indices
+        # if joints are in order of depth, those this deep come last, so a slice can replace their indices
         result.append((slice(joints[0], None) if len(joints) == len(above) - joints[0] else joints, above[joints]))
         above[joints] = above[above[joints]]
     return tuple(result)
 
 
 def zero_pose_positions(parents: IntArray, offsets_m: Array) -> Array:
-    """Return joint positions (J, 3) without rotations, the root at the origin."""
+    """Return joint positions (J, 3) in the zero pose, with the root at the origin."""
     positions = np.zeros((len(parents), 3))
     for joint, parent in enumerate(parents):
         if parent >= 0:
@@ -232,7 +232,7 @@ def marker_jacobian(skeleton: Skeleton, joints: IntArray, markers_m: Array, posi
         axes: World directions (..., J, 3, 3) of the axes as columns; for rotations varied on the right, R_k exp(d_k),
             these are the world matrices of `forward_kinematics_matrices`.
     """
-    # all pairs are computed: selecting those of a marker and its joints takes longer
+    # all pairs are computed, because selecting those of a marker and its joints takes longer
     arms = positions_m[..., None, :, :] - markers_m[..., :, None, :]
     arms *= skeleton.is_ancestor[joints][..., None]
     jacobian = np.empty((*markers_m.shape, 1 + len(skeleton), 3))

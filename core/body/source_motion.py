@@ -23,9 +23,9 @@ class SourceMotion:
         rotations: Parent-from-joint quaternions (F, J, 4); NaN where the file has no number.
         translations_m: Joint index -> positions (F, 3) relative to the parent, for the root and for each joint whose
             position channels move it; other joints stay at their offset.
-        euler_orders: Rotation channels (J) in the file's order, e.g. "ZXY"; "" for a joint without any.
+        euler_orders: Axes of the rotation channels (J) in the file's order, e.g. "ZXY"; "" for a joint without any.
         angle_jumps: Frames (F,) where a rotation channel differs by more than 150 degrees from the previous frame, even
-            if the rotation itself does not; left out if there are none.
+            if the rotation itself does not; by default none.
         notes: Irregularities that the reader tolerated.
     """
 
@@ -68,7 +68,7 @@ class SourceMotion:
 
     @property
     def finite_frames(self) -> Mask:
-        """Mask (F,) of frames in which every number is present."""
+        """Mask (F,) of frames in which no number is missing."""
         finite = np.all(np.isfinite(self.rotations), axis=(1, 2))
         for path in self.translations_m.values():
             finite &= np.all(np.isfinite(path), axis=1)
@@ -95,7 +95,7 @@ def source_kinematics(source: SourceMotion) -> tuple[Array, Array]:
 def source_positions(source: SourceMotion) -> Array:
     """Return positions (F, J, 3) of a file's joints.
 
-    Faster than `source_kinematics` for few frames.
+    For few frames this is faster than `source_kinematics`.
     """
     frames = np.zeros((*source.rotations.shape[:2], 4, 4))
     frames[..., :3, :3] = rot.to_matrix(source.rotations)

@@ -1,7 +1,8 @@
 """The standard skeleton: the CMU database's joints in their T rest pose.
 
-The rest pose has the arms along +-x with the palms down and the legs spread by 20 degrees, as in that database, so
-its motion needs no conversion. The joints without degrees of freedom (lhipjoint, rhipjoint) are part of the offsets.
+The rest pose has the arms along +-x with the palms down and the legs spread by 20 degrees, as in that database, so that
+database's motion needs no conversion. The joints without degrees of freedom (lhipjoint, rhipjoint) are part of the
+offsets.
 """
 
 from dataclasses import replace
@@ -33,7 +34,7 @@ SPINE_JOINTS = _MIDDLE[1:]
 
 
 def mirrored_name(name: str) -> str:
-    """Return the other side's joint ("lfemur" -> "rfemur"); joints in the middle are returned unchanged."""
+    """Return the name of the other side's joint ("lfemur" -> "rfemur"); names of joints in the middle are unchanged."""
     other = {"l": "r", "r": "l"}.get(name[0], "") + name[1:]
     return other if other in JOINT_NAMES else name
 
@@ -51,7 +52,7 @@ def default_skeleton(height_m: float = DEFAULT_HEIGHT_M) -> Skeleton:
 
 
 def facts_of(joint: str) -> dict[str, Any]:
-    """Return the row of a joint; both sides share one row."""
+    """Return a joint's row in `TABLES`; both sides share one row."""
     rows: dict[str, dict[str, Any]] = TABLES["joint"]
     return rows[joint] if joint in rows else rows[joint[1:]]
 

@@ -1,4 +1,4 @@
-"""Pinhole cameras with lens distortion (OpenCV's model), and rigs of them."""
+"""Pinhole cameras with lens distortion (OpenCV's model), and camera rigs."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -26,7 +26,7 @@ class Camera:
         distortion: k1, k2, p1, p2, k3 (5,) as in OpenCV.
         rotation: Camera-from-world (3, 3).
         translation_m: x_camera = rotation @ x_world + translation (3,).
-        ignored_px: Image positions (N, 2) of reflections, at which no blob is taken for a marker.
+        ignored_px: Pixels (N, 2) of reflections, at which blobs are ignored.
     """
 
     name: str
@@ -89,7 +89,7 @@ class Camera:
         return self.to_pixels(local[..., :2] / depth)
 
     def shows(self, points_m: ArrayLike) -> Mask:
-        """Return a mask of the world points (..., 3) that lie in the image."""
+        """Return a mask (...) of the world points (..., 3) that lie in the image."""
         local = self.to_camera(points_m)
         ahead = local[..., 2] > 0.1  # metres
         normalised = local[..., :2] / np.where(ahead, local[..., 2], 1.0)[..., None]
@@ -109,7 +109,7 @@ class Camera:
         return np.asarray(distorted @ self.matrix[:2, :2].T + self.matrix[:2, 2])
 
     def undistort(self, pixels: ArrayLike) -> Array:
-        """Return undistorted normalised coordinates (..., 2) of pixels."""
+        """Return undistorted normalised coordinates (..., 2) of pixels (..., 2)."""
         return _undistort(np.asarray(pixels, dtype=np.float64), *_intrinsics(self))
 
     def rays(self, normalised: ArrayLike) -> Array:
@@ -126,7 +126,7 @@ class Camera:
 
 
 def undistort_all(cameras: Sequence[Camera], pixels: Sequence[Array]) -> list[Array]:
-    """Return each camera's undistorted normalised coordinates (n, 2), all computed at once."""
+    """Return the undistorted normalised coordinates (n, 2) of each camera's pixels (n, 2), computed all at once."""
     counts = [len(rows) for rows in pixels]
     columns = zip(*(_intrinsics(camera) for camera in cameras), strict=True)
     found = _undistort(np.concatenate(pixels), *(np.repeat(column, counts, axis=0) for column in columns))
@@ -135,7 +135,7 @@ def undistort_all(cameras: Sequence[Camera], pixels: Sequence[Array]) -> list[Ar
 
 
 def _intrinsics(camera: Camera) -> tuple[Array, Array]:
-    """Return fx, skew, cx, fy, cy (5,) and the distortion (5,)."""
+    """Return a camera's fx, skew, cx, fy, cy (5,) and its distortion (5,)."""
     return camera.matrix.ravel()[[0, 1, 2, 4, 5]], camera.distortion
 
 
@@ -145,7 +145,7 @@ def _undistort(pixels: Array, intrinsics: Array, distortion: Array) -> Array:
     Derivatives by z and its conjugate halve the work of a real Jacobian: df = f_z dz + f_c conj(dz), with f_z real.
 
     Args:
-        intrinsics, distortion: Results of `_intrinsics`, (5,) for all pixels or (n, 5).
+        intrinsics, distortion: Results of `_intrinsics`, one row (5,) for all pixels or one for each (n, 5).
     """
     fx, skew, cx, fy, cy = intrinsics.T
     k1, k2, _, _, k3 = distortion.T
@@ -158,10 +158,10 @@ def _undistort(pixels: Array, intrinsics: Array, distortion: Array) -> Array:
         slope = k1 + r2 * (2.0 * k2 + r2 * (3.0 * k3))
         by_z = radial + slope * r2 + 4.0 * (decentering * z.conj()).real
         by_conjugate = z * (slope * z + 2.0 * decentering)
-        # the bound keeps points finite where the lens model folds back, far outside the image
+        # the bound keeps points finite far outside the image, where the lens model folds back
         determinant = np.maximum(by_z * by_z - _squared(by_conjugate), 0.05)
         z = z - (by_z * error - by_conjugate * error.conj()) * (1.0 / determinant)
-        # Newton's method converges quadratically: the step just taken has about squared this error
+        # Newton's method converges quadratically, so the error left is about the square of this step
         if not np.max(np.abs(error), initial=0.0) > 1e-7:
             break
     found = np.empty(pixels.shape)
@@ -170,7 +170,7 @@ def _undistort(pixels: Array, intrinsics: Array, distortion: Array) -> Array:
 
 
 def _distorted(z: ComplexArray, distortion: Array) -> tuple[ComplexArray, Array, Array, ComplexArray]:
-    """Return distorted x + iy (Brown 1966), radial factor, squared radius, p2 + i p1."""
+    """Return distorted x + iy (Brown 1966), the radial factor, the squared radius and p2 + i p1."""
     k1, k2, p1, p2, k3 = distortion.T
     r2 = _squared(z)
     radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
@@ -179,16 +179,16 @@ def _distorted(z: ComplexArray, distortion: Array) -> tuple[ComplexArray, Array,
 
 
 def _squared(z: ComplexArray) -> Array:
-    """Return the squared absolute values."""
+    """Return the squared absolute values of complex numbers."""
     return np.asarray(z.real * z.real + z.imag * z.imag)
 
 
 @dataclass(frozen=True)
 class CameraRig:
-    """One or more cameras, calibrated in one world.
+    """One or more cameras that are calibrated in the same world.
 
     Args:
-        metadata: Facts about the calibration (error, date, ...) that the file stores.
+        metadata: Facts about the calibration (error, date, ...), which the file stores.
     """
 
     cameras: tuple[Camera, ...]
@@ -204,7 +204,7 @@ class CameraRig:
 
     @property
     def ignored(self) -> Array:
-        """Ignored positions (N, 3) of all cameras: camera index, x, y."""
+        """Ignored pixels (N, 3) of all cameras: camera index, x, y."""
         rows = [np.insert(camera.ignored_px, 0, index, axis=1) for index, camera in enumerate(self.cameras)]
         return np.concatenate(rows)
 

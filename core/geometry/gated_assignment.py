@@ -13,9 +13,9 @@ def assign(costs: ArrayLike, gate: float = 1.0) -> tuple[IntArray, IntArray]:
 
     Args:
         costs: Costs (N, M), infinite where a pair is forbidden.
-        gate: Positive limit; if limits differ between pairs, divide each cost by its limit.
+        gate: Positive limit of all costs; if limits differ between pairs, divide each cost by its limit first.
     """
-    # scipy is slow to import, and Blender loads this module at startup
+    # imported here, because SciPy is slow to import and Blender loads this module at startup
     from scipy.optimize import linear_sum_assignment
 
     table = np.asarray(costs, dtype=np.float64)

@@ -25,18 +25,18 @@ def gauss_newton(
     move: Callable[[State, Array], Any] = sub,
     solve: Callable[[Array, Array], Array] = _solve,
 ) -> tuple[State, Array, Array]:
-    """Minimise one sum of squares, or a batch of them, starting near the minimum.
+    """Minimise one sum of squares, or a batch of sums, starting near the minimum.
 
     Args:
         linearise: Returns residuals (..., R), each divided by its standard deviation, and their Jacobian (..., R, D).
-            Robust weights and priors are part of these rows.
+            Robust weights and priors are included in these rows.
         steps: Largest number of steps.
-        smallest: Iteration ends when no component of a step is larger.
+        smallest: Iteration ends when no component of a step is larger than this.
         move: Returns the state minus a step (..., D).
         solve: Solves the normal equations, matrices (..., D, D) and vectors (..., D).
 
     Returns:
-        The state, with the residuals and the Jacobian there.
+        The final state, with the residuals and the Jacobian there.
     """
     state = start
     for left in range(steps, -1, -1):
@@ -76,7 +76,7 @@ def levenberg_marquardt(
         least_gain: Iteration ends when a step lowers the cost by less than this fraction.
 
     Returns:
-        The state with the lowest cost and the equations there.
+        The state with the lowest cost, and the equations there.
     """
     damping = 1e-4
     state, near = start, linearise(start)

@@ -11,10 +11,10 @@ from .camera import Camera
 class LensLimits:
     """Limits for lenses that the standard model describes."""
 
-    widest_deg: float = 150.0  # field of view; rectilinear lenses end at 120, and beyond 150 the model is useless
+    widest_deg: float = 150.0  # widest field of view; rectilinear lenses reach 120, and beyond 150 the model is useless
     narrowest_deg: float = 0.5  # field of view
     stretched: float = 2.0  # largest ratio of the two focal lengths; anamorphic lenses reach 2
-    # radius from the centre, as a share of half the shorter side, within which the distortion must not fold the image
+    # distance from the centre, as a share of half the shorter side, within which the distortion must not fold the image
     clear: float = 0.5
 
 

@@ -1,7 +1,7 @@
 """Interacting multiple model filter (Blom and Bar-Shalom 1988) for points that rest, move and strike.
 
-Its models are constant-acceleration Kalman filters that differ in how fast the acceleration may change; the better a
-model predicts a point, the more weight it gets. So a still point is held still, and a fast one does not lag.
+The models are constant-acceleration Kalman filters that differ in how fast the acceleration may change. The better a
+model predicts a point, the more weight it has, so a point at rest is held still and a fast one does not lag.
 """
 
 import math
@@ -16,13 +16,13 @@ _EXPONENTS = np.arange(6)
 
 
 def _movements() -> tuple[Array, Array]:
-    """Return prediction matrices as polynomials in time, one row per power.
+    """Return the matrices for prediction as polynomials in time, one row per power.
 
     Returns:
-        The transition (6, 18 * 18) of rows of states and covariances, and the covariance (6, 9) added per unit of the
-        jerk's spectral density.
+        The transition (6, 18 * 18) for rows of state and covariance, and the covariance (6, 9) that is added per unit
+        of the jerk's spectral density.
     """
-    # the transition of position, velocity and acceleration, by powers of time
+    # transition of position, velocity and acceleration, by powers of time
     move = np.array([np.eye(3), np.eye(3, k=1), 0.5 * np.eye(3, k=2)])
     rows, jerks = np.zeros((6, 18, 18)), np.zeros((6, 9))
     for power, matrix in enumerate(move):
@@ -39,26 +39,26 @@ _MOVEMENT, _JERKS = _movements()
 
 @dataclass(frozen=True)
 class MotionModels:
-    """How points move; lengths are in the points' unit."""
+    """Parameters of how points move; lengths are in the points' unit."""
 
     changes: tuple[float, ...]  # third difference at 60 Hz that each model expects
     least_sigma: float  # smallest standard deviation of a measured coordinate
-    jump: float  # distance from every prediction beyond which a point is re-initialised
+    jump: float  # distance from the prediction of every model beyond which a point is re-initialised
     first_speed: float  # standard deviation of the initial velocity, per s
     first_acceleration: float  # standard deviation of the initial acceleration, per s^2
-    holds_s: float = 1.0  # mean time until a point changes its model
+    holds_s: float = 1.0  # mean time after which a point changes to another model
     pause_s: float = 0.25  # time without measurement after which a point is re-initialised
-    jump_sigmas: float = 8.0  # distance in standard deviations that a jump must exceed as well
+    jump_sigmas: float = 8.0  # the same distance in standard deviations, which must also be exceeded
 
 
 class MultipleModelFilter:
-    """Filter for N points in space."""
+    """Filter for N points in space, frame by frame."""
 
     def __init__(self, kind: MotionModels, points: int) -> None:
         self._kind = kind
         self._densities = (
             np.square(kind.changes) * 60.0**5
-        )  # spectral densities (K,) of the jerk's white noise, unit^2 / s^5
+        )  # spectral densities (K,) of the jerk, which is white noise, unit^2 / s^5
         self._seen_s = np.full(points, -np.inf)
         self._time_s = 0.0
         models = len(self._densities)
@@ -78,7 +78,7 @@ class MultipleModelFilter:
         return np.asarray(self._time_s - self._seen_s < self._kind.pause_s)
 
     def forget(self, points: Mask) -> None:
-        """Re-initialise the points of a mask (N,)."""
+        """Forget the points in a mask (N,), so that their next measurements initialise them."""
         self._seen_s[points] = -np.inf
 
     def predict(self, time_s: float) -> None:
@@ -128,7 +128,7 @@ class MultipleModelFilter:
         return np.asarray(np.logical_and.reduce(far, axis=1))
 
     def means(self) -> tuple[Array, Array]:
-        """Return positions (N, 3) and the standard deviations (N,) of their coordinates."""
+        """Return the estimated positions (N, 3), and the standard deviations (N,) of their coordinates."""
         positions = self._states[:, :, 0]
         means = (self._weights[:, None] @ positions)[:, 0]
         spread = np.add.reduce((positions - means[:, None]) ** 2, axis=-1) / 3.0
@@ -136,7 +136,7 @@ class MultipleModelFilter:
         return means, np.sqrt(np.maximum(variances, 1e-12))
 
     def _move(self, elapsed_s: float) -> None:
-        """Predict with each model from a mixture of all."""
+        """Predict with each model, starting from a mixture of all models."""
         models = self._weights.shape[1]
         stays = math.exp(-elapsed_s / self._kind.holds_s)
         changes = np.full((models, models), (1.0 - stays) / (models - 1))
@@ -144,8 +144,8 @@ class MultipleModelFilter:
         shares = self._weights[:, :, None] * changes
         self._weights = np.add.reduce(shares, axis=1)
         shares /= np.maximum(self._weights, 1e-300)[:, None]
-        # A mixture's covariance is the mean covariance plus that of the means, averaged over the axes. Means are taken
-        # relative to the first model's, which keeps the digits of points far from the origin.
+        # The covariance of a mixture is the mean of the covariances plus the covariance of the means, averaged over the
+        # axes. Means are taken relative to the first model's, which preserves precision for points far from the origin.
         first = self._states[:, :1]
         apart = self._states - first
         self._covariances += apart @ apart.swapaxes(-1, -2) / 3.0
@@ -158,7 +158,7 @@ class MultipleModelFilter:
         self._hold(moved)
 
     def _update(self, seen: Mask | slice, innovations: Array, variances: Array, unlikely: Array) -> None:
-        """Correct the models of the visible points, and their weights."""
+        """Correct the models, and their weights, for the points that were measured."""
         covariances, variances = self._covariances[seen], variances[seen]
         gains = (covariances[..., 0] / variances[..., None])[..., None]
         self._states[seen] += gains * innovations[seen][:, :, None]

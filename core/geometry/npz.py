@@ -1,4 +1,4 @@
-"""Arrays in .npz files, whose declared sizes are checked before memory is allocated.
+"""Reading and writing of arrays in .npz files; declared sizes are checked before memory is allocated.
 
 NumPy's reader trusts declared sizes, and its writer leaves a broken file behind when the disk is full.
 """
@@ -16,7 +16,7 @@ from ..errors import FormatError, PerfanimError
 from ..system.file_content import check_kind
 from ..system.files import atomic_path, is_over_budget, open_foreign, read_bytes, reading
 
-_ENTRY = b"PK\x01\x02"  # marks each member in a zip archive's directory
+_ENTRY = b"PK\x01\x02"  # signature of each member in the directory of a zip archive
 _HEADER = re.compile(
     rb"\x93NUMPY(?:\x01\x00..|[\x02\x03]\x00....)\{'descr': '([<>|][biufU?]\d{1,6})', 'fortran_order': (False|True), "
     rb"'shape': \(((?:\d{1,15}, ?)*\d{0,15})\), \} *\n",
@@ -30,7 +30,8 @@ def read_arrays(
     """Return the arrays of a .npz file by name.
 
     Raises:
-        PerfanimError: Of the class `kind`: the file is no .npz file, is damaged, or declares far more than it contains.
+        PerfanimError: Of the class `kind`: the file is not an .npz file, is damaged, or declares far more than it
+            contains.
     """
     with open_foreign(path, kind) as file, reading(path, kind, what=what):
         check_kind(file.read(4096), str(path), "NumPy file", kind, "archive (zip)")
@@ -72,7 +73,7 @@ def open_zip(file: BinaryIO, check_count: Callable[[int], None]) -> zipfile.ZipF
 
 
 class _CountedList:
-    """File that counts archive members while zipfile reads their directory; the declared number may be wrong."""
+    """File that counts an archive's members while zipfile reads their directory; the number declared may be wrong."""
 
     def __init__(self, file: BinaryIO, check_count: Callable[[int], None]) -> None:
         self.is_listed = False
@@ -99,7 +100,7 @@ class _CountedList:
 
 
 def write_arrays(path: Path | str, arrays: Mapping[str, Any], packed: bool = True) -> None:
-    """Write arrays by name; equal arrays give identical bytes."""
+    """Write arrays to an .npz file by name; equal arrays give identical bytes."""
     with atomic_path(path) as temporary, zipfile.ZipFile(temporary, "w") as archive:
         for name, array in arrays.items():
             member = zipfile.ZipInfo(f"{name}.npy")

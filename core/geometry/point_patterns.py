@@ -1,4 +1,4 @@
-"""Rigid marker patterns: matching by distances, and placement."""
+"""Rigid marker patterns: matching with points by distances, and fitting to points."""
 
 import numpy as np
 
@@ -9,14 +9,14 @@ from .rigid_transform import kabsch, transform
 def match_rigid_pattern(
     points_m: Array, spans_m: Array, tolerances_m: Array, fewest: int, allowed: Mask | None = None
 ) -> IntArray:
-    """Return matches (H, M): the point of each marker, or -1; matches with the most points come first.
+    """Return matches (H, M), each with the point of every marker, or -1; matches with the most points come first.
 
     Args:
         points_m: Points (N, 3).
         spans_m: Distances (M, M) between the markers.
         tolerances_m: Largest difference (N, N) between the distance of two points and that of their markers.
-        fewest: Number of markers that must have a point.
-        allowed: Mask (N, M) of the points that each marker may be; None allows all.
+        fewest: Smallest number of markers that must have a point.
+        allowed: Mask (N, M) of the points to which each marker may be matched; None allows all.
     """
     if allowed is not None:
         rows = np.flatnonzero(allowed.any(axis=1))
@@ -29,7 +29,7 @@ def match_rigid_pattern(
 def _extend_matches(
     between_m: Array, spans_m: Array, tolerances_m: Array, most_missing: int, allowed: Mask | None
 ) -> IntArray:
-    """Match points with distances (N, N), marker by marker."""
+    """Return matches (H, M) with points at distances (N, N) from each other, extended marker by marker."""
     chosen = np.empty((1, 0), dtype=np.int64)
     for marker in range(len(spans_m)):
         fits = np.ones((len(chosen), len(between_m)), dtype=bool)
@@ -37,7 +37,7 @@ def _extend_matches(
             fits &= allowed[:, marker]
         for before in range(marker):
             near = np.abs(between_m - spans_m[before, marker]) <= tolerances_m
-            np.fill_diagonal(near, False)  # each point belongs to one marker only
+            np.fill_diagonal(near, False)  # no point belongs to two markers
             # the last row, -1, represents a marker without a point
             fits &= np.concatenate((near, np.ones((1, len(near)), dtype=bool)))[chosen[:, before]]
         parent, point = np.nonzero(fits)
@@ -46,12 +46,12 @@ def _extend_matches(
         chosen = np.concatenate((taken, without))
         missing = np.sum(chosen < 0, axis=1)
         order = np.argsort(missing, kind="stable")
-        chosen = chosen[order[missing[order] <= most_missing]][:2000]  # limits time and memory
+        chosen = chosen[order[missing[order] <= most_missing]][:2000]  # limit on time and memory
     return chosen
 
 
 def place_pattern(markers_m: Array, points_m: Array) -> tuple[Array, Array, float]:
-    """Return rotation (3, 3), translation and RMS distance of markers (N, 3) fitted to points (N, 3)."""
+    """Fit markers (N, 3) to points (N, 3); return rotation (3, 3), translation (3,) and RMS distance."""
     turn, shift = kabsch(markers_m, points_m)
     off = points_m - transform(turn, shift, markers_m)
     return turn, shift, float(np.sqrt(np.mean(np.sum(off * off, axis=1))))

@@ -1,7 +1,7 @@
-"""Vectors and quaternions as tuples of numbers, or of arrays (F,) over frames.
+"""Vectors and quaternions as tuples of components: numbers, or arrays (F,) over frames.
 
-For the legs of a single frame, in every update of a live character, plain numbers are ten times as fast as NumPy calls
-on arrays of three or four elements. The same formulas process all frames of a motion at once.
+For the legs of a live character, which are computed in every update, plain numbers are ten times as fast as NumPy calls
+on arrays of three or four elements. With arrays, the same formulas process all frames of a motion at once.
 """
 
 from typing import Any
@@ -16,7 +16,7 @@ Quaternion = tuple[Part, Part, Part, Part]
 
 
 def components(array: Array) -> Any:
-    """Split an array (n,) into numbers, (F, n) into arrays (F,)."""
+    """Split an array (n,) into n numbers, or (F, n) into n arrays (F,)."""
     return tuple(array.tolist()) if array.ndim == 1 else tuple(np.moveaxis(array, -1, 0))
 
 
@@ -69,7 +69,7 @@ def rotate(q: Quaternion, v: Vector) -> Vector:
 
 
 def conjugate(q: Quaternion) -> Quaternion:
-    """Return the inverse rotation."""
+    """Return the conjugate, which is the inverse rotation of a unit quaternion."""
     return q[0], -q[1], -q[2], -q[3]
 
 
@@ -89,6 +89,6 @@ def unit_quaternion(q: Quaternion) -> Quaternion:
 
 
 def shortest_turn(a: Vector, b: Vector) -> Quaternion:
-    """Return the shortest rotation between unit vectors that are not opposite."""
+    """Return the shortest rotation from one unit vector to another that is not opposite."""
     x, y, z = cross(a, b)
     return unit_quaternion((1.0 + dot(a, b), x, y, z))

@@ -1,4 +1,4 @@
-"""Camera rig files: anipose layout, caliscope TOML and Qualisys XML."""
+"""Camera rig files: anipose TOML, caliscope TOML and Qualisys XML."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -19,12 +19,12 @@ from .lens_check import lens_fault
 from .rig_import import caliscope_rows, level_from_world, qualisys_rows
 from .rigid_transform import nearest_rotation
 
-_FARTHEST = 1e6  # largest value in pixels, and of lengths in the file's unit
+_FARTHEST = 1e6  # largest value of pixels, and of lengths in the file's unit
 
 
 @dataclass(frozen=True)
 class _CameraTable:
-    """A camera in a file."""
+    """One camera, as stored in a calibration file."""
 
     size: Annotated[tuple[int, int], About("width and height of the images", "pixels", 1, 100_000)]
     matrix: Annotated[Array, About("intrinsic matrix, as in OpenCV", "pixels", -_FARTHEST, _FARTHEST, shape=(3, 3))]
@@ -44,14 +44,14 @@ class _CameraTable:
 
 @dataclass(frozen=True)
 class _Metadata:
-    """The one key of `[metadata]` that is read."""
+    """The only key of `[metadata]` that is read."""
 
     length_unit: Annotated[str, About("unit of all lengths", choices=("m", "mm", "unknown"))] = "unknown"
 
 
 @dataclass(frozen=True)
 class _Calibration:
-    """Facts about all cameras of a file."""
+    """Parts of a calibration file that concern all cameras."""
 
     metadata: Annotated[_Metadata, About("about all cameras")] = _Metadata()
 
@@ -73,7 +73,7 @@ METADATA = Schema(
 
 
 def save_rig(rig: CameraRig, path: str | Path) -> None:
-    """Write the rig in anipose's layout, rotations as rotation vectors."""
+    """Write the rig in anipose's layout, with rotation vectors."""
     write_toml(path, rig_tables(rig))
 
 
@@ -101,7 +101,8 @@ def load_rig(path: str | Path) -> CameraRig:
     """Return the rig in a calibration file: anipose, caliscope or Qualisys.
 
     Files of other programs are converted to metres and to a world with y up. Those in anipose's layout lack
-    `metadata.length_unit`: their lengths are in the unit of the board, taken for millimetres if a baseline exceeds 10.
+    `metadata.length_unit`: their lengths are in the unit of the board, which is assumed to be millimetres if a baseline
+    exceeds 10.
 
     Raises:
         FormatError: The file cannot be read.
@@ -131,7 +132,7 @@ RigTables: TypeAlias = Annotated[CameraRig, Via(Table, rig_from, partial(rig_tab
 
 
 def save_ignored(path: str | Path, places: ArrayLike) -> None:
-    """Write positions (N, 3), as in `CameraRig.ignored`, into a calibration in anipose's layout."""
+    """Write ignored positions (N, 3), as in `CameraRig.ignored`, into a calibration file in anipose's layout."""
     tables = read_toml(path)
     keys = _camera_keys(tables)
     if not keys or not all(isinstance(tables[key], dict) for key in keys):
@@ -181,7 +182,7 @@ def _camera(table: _CameraTable, where: str) -> Camera:
         )
     turn = table.rotation
     matrix = turn if turn.shape == (3, 3) else rot.to_matrix(rot.from_rotation_vector(turn))
-    if 1e-9 < np.abs(matrix @ matrix.T - np.eye(3)).max() < 1e-3:  # rounded, or not orthonormal after bundle adjustment
+    if 1e-9 < np.abs(matrix @ matrix.T - np.eye(3)).max() < 1e-3:  # rounded, or not quite orthonormal
         matrix = nearest_rotation(matrix)
     found = (table.name, table.size, table.matrix, table.distortions, matrix, table.translation, table.ignored_px)
     camera = Camera(*found)

@@ -3,7 +3,7 @@
 - caliscope: TOML with tables [cameras.N], in metres, camera-from-world as a matrix or a rotation vector; "null" where a
   camera was not placed.
 - Qualisys Track Manager: XML (`*.qca.txt`) in millimetres. The rows r1x, r2x, r3x are the camera's axes, y up and z
-  backwards; intrinsics are in 64ths of a pixel from the corner of the field of view; distortion is OpenCV's.
+  backwards; intrinsics are in 64ths of a pixel, from the corner of the field of view; distortion is as in OpenCV.
 """
 
 import xml.etree.ElementTree as ElementTree
@@ -24,7 +24,7 @@ def caliscope_rows(tables: Mapping[str, Any], where: str) -> list[dict[str, Any]
     """Return the camera tables of a caliscope file.
 
     Raises:
-        CalibrationError: A camera has not been placed, or there is none.
+        CalibrationError: A camera has not been placed, or there are no cameras.
     """
     cameras = tables["cameras"]
     if not isinstance(cameras, Mapping) or not all(isinstance(row, Mapping) for row in cameras.values()):
@@ -47,7 +47,7 @@ def qualisys_rows(raw: bytes, where: str) -> list[dict[str, Any]]:
     """Return the camera tables of a Qualisys calibration.
 
     Raises:
-        CalibrationError: It is not a complete calibration.
+        CalibrationError: The file is not a complete calibration.
     """
     check_kind(raw, where, "calibration", CalibrationError, "XML file")
     if len(raw) > 10_000_000 or b"<!ENTITY" in raw:
@@ -95,10 +95,10 @@ def _numbers(camera: ElementTree.Element, tag: str, names: tuple[str, ...], plac
 
 
 def level_from_world(rotations: Array) -> Array:
-    """Return the rotation (3, 3) that makes y the upward axis of a world.
+    """Return the level-from-world rotation (3, 3) to a world with y up.
 
-    Programs differ in which axis points up. Most cameras are mounted upright, which reveals the axis; if they disagree,
-    the world is left as it is.
+    Programs differ in which axis points up. Cameras are usually mounted upright, which shows the axis; if they
+    disagree, the world is left as it is.
     """
     up = -rotations[:, 1].mean(axis=0)
     axis = int(np.argmax(np.abs(up)))

@@ -1,4 +1,4 @@
-"""Rigid transforms and axes fitted to points."""
+"""Rigid transforms and principal axes fitted to points."""
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -29,14 +29,14 @@ def kabsch(source: ArrayLike, target: ArrayLike, weights: ArrayLike | None = Non
 
 
 def fit_rigid(source: ArrayLike, target: ArrayLike, weights: ArrayLike | None = None) -> tuple[Array, Array]:
-    """Return the transform of `kabsch`, its rotation as a quaternion (Horn 1987)."""
+    """Return the transform of `kabsch` with its rotation as a quaternion (Horn 1987)."""
     p = np.asarray(source, dtype=np.float64)
     q = np.asarray(target, dtype=np.float64)
     w = np.ones(len(p)) if weights is None else np.asarray(weights, dtype=np.float64)
     w = w / np.add.reduce(w)
     p_mean, q_mean = w @ p, w @ q
     together = (w[:, None] * (p - p_mean)).T @ (q - q_mean)
-    # q^T (matrix) q is the sum of w target (R source): the eigenvector of the largest eigenvalue is the rotation
+    # q^T (matrix) q is the sum of w target (R source), so the rotation is the eigenvector of the largest eigenvalue
     _, vectors = np.linalg.eigh((together.ravel() @ _HORN).reshape(4, 4))
     quaternion: Array = vectors[:, 3]
     if quaternion[0] < 0.0:
@@ -45,12 +45,12 @@ def fit_rigid(source: ArrayLike, target: ArrayLike, weights: ArrayLike | None = 
 
 
 def mean_vertical(template: Array, targets: Array, fewest: int) -> Array:
-    """Return the mean of the y axes (3,) of rigid fits to targets; zero if no target can be fitted.
+    """Return the mean (3,) of the template's y axis in rigid fits to targets; zero if no target can be fitted.
 
     Args:
         template: Points (N, 3) of an upright body.
         targets: Points (F, N, 3), NaN where unknown.
-        fewest: Smallest number of known points for a fit.
+        fewest: Smallest number of known points in a target that can be fitted.
     """
     ups: list[Array] = []
     for target in targets:
@@ -61,7 +61,7 @@ def mean_vertical(template: Array, targets: Array, fewest: int) -> Array:
 
 
 def transform(rotation: ArrayLike, translation: ArrayLike, points: ArrayLike) -> Array:
-    """Return R p + t for points `[..., 3]`."""
+    """Return R p + t for points (..., 3)."""
     p = np.asarray(points, dtype=np.float64)
     return np.asarray(p @ np.asarray(rotation, dtype=np.float64).T + np.asarray(translation, dtype=np.float64))
 
@@ -75,7 +75,7 @@ def nearest_rotation(matrix: Array) -> Array:
 def principal_axes(points: Array) -> tuple[Array, Array, Array]:
     """Return the centroid of points (N, 3), their extents (3,) and principal axes (3, 3).
 
-    An extent is the root of the summed squares along an axis. The axes are rows, longest first; the last is the
+    An extent is the square root of the summed squares along an axis. The axes are rows, longest first; the last is the
     normal of the nearest plane.
     """
     middle = points.mean(axis=0)
@@ -88,7 +88,7 @@ def rigid_misfits_m2(source: Array, targets: Array) -> Array:
 
     Args:
         source: Points (N, 3).
-        targets: Points (F, N, 3), NaN where unknown, three or more known in each row.
+        targets: Points (F, N, 3), NaN where unknown; three or more are known in each row.
     """
     known = np.isfinite(targets[..., 0])
     weights = known / known.sum(axis=1, keepdims=True)

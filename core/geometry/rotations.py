@@ -14,15 +14,15 @@ from .arrays import Array
 _AXES = {"X": 0, "Y": 1, "Z": 2}
 _CYCLIC = {"X": (0, 1, 2), "Y": (1, 2, 0), "Z": (2, 0, 1)}
 _TINY = np.finfo(np.float64).tiny  # replaces zero lengths in divisions
-_FEW = 1 << 11  # array size up to which one product with a constant matrix is faster than one per entry
-_CROSS = np.zeros((3, 9))  # the entries of `cross_matrices`
+_FEW = 1 << 11  # array size up to which one product with a constant matrix is faster than one product per entry
+_CROSS = np.zeros((3, 9))  # constant matrix that maps vectors to the entries of `cross_matrices`
 _CROSS[0, [5, 7]] = _CROSS[1, [6, 2]] = _CROSS[2, [1, 3]] = -1.0, 1.0
 _CONJUGATE = np.array([1.0, -1.0, -1.0, -1.0])
 _UNIT = np.eye(3).ravel()
 
 
 def _table(rows: int, columns: int, text: str) -> Array:
-    """Return a matrix of signs; each column's text lists the rows that it adds or subtracts."""
+    """Return a matrix of signs; the text of each column lists the rows that it adds or subtracts."""
     result = np.zeros((rows, columns))
     for column, entries in enumerate(text.split()):
         for sign, row in zip(entries[::2], entries[1::2], strict=True):
@@ -30,14 +30,14 @@ def _table(rows: int, columns: int, text: str) -> Array:
     return result
 
 
-# quaternion @ this: flat matrix that multiplies row vectors by the quaternion from the left
+# quaternion @ this gives the flat matrix that multiplies row vectors by the quaternion from the left
 _LEFT = _table(4, 16, "+0 +1 +2 +3 -1 +0 +3 -2 -2 -3 +0 +1 -3 +2 -1 +0")
-# products of a quaternion's entries, 4 i + j, @ this: flat rotation matrix minus the unit matrix
+# products (4 i + j) of a quaternion's entries @ this give the flat rotation matrix minus the unit matrix
 _MATRIX = 2.0 * _table(16, 9, "-a-f +6-3 +7+2 +6+3 -5-f +b-1 +7-2 +b+1 -5-a")
 
 
 def identity(shape: Sequence[int] = ()) -> Array:
-    """Return identity quaternions of the given leading shape."""
+    """Return identity quaternions with the given leading shape."""
     result = np.zeros((*shape, 4))
     result[..., 0] = 1.0
     return result
@@ -51,7 +51,7 @@ def normalize(quaternions: ArrayLike) -> Array:
 
 
 def _length(vectors: Array) -> Array:
-    """Return the lengths (..., 1)."""
+    """Return the lengths (..., 1) of vectors (..., n)."""
     return lengths(vectors)[..., None]
 
 
@@ -74,7 +74,7 @@ def multiply(left: ArrayLike, right: ArrayLike) -> Array:
 
 
 def left_matrices(quaternions: Array) -> Array:
-    """Return the matrices (..., 4, 4) for multiplication by quaternions from the left."""
+    """Return the matrices (..., 4, 4) that multiply by quaternions (..., 4) from the left."""
     return np.asarray((quaternions @ _LEFT).reshape(*quaternions.shape, 4).swapaxes(-1, -2))
 
 
@@ -106,12 +106,12 @@ def cross(a: Array, b: Array) -> Array:
 
 
 def cross_matrices(vectors: Array) -> Array:
-    """Return the matrices (..., 3, 3) of the cross products with these vectors from the left."""
+    """Return the matrices (..., 3, 3) that take the cross product with vectors (..., 3) from the left."""
     return np.asarray((vectors @ _CROSS).reshape(*vectors.shape, 3))
 
 
 def from_rotation_vector(vectors: ArrayLike) -> Array:
-    """Return the rotations of rotation vectors (exponential map)."""
+    """Return the quaternions of rotation vectors (exponential map)."""
     v = np.asarray(vectors, dtype=np.float64)
     half = 0.5 * _length(v)
     safe = np.maximum(half, _TINY)
@@ -174,7 +174,7 @@ def from_euler(angles: ArrayLike, order: str) -> Array:
     w, parts = result[..., 0], [result[..., 1 + axis] for axis in range(3)]
     for place, name in enumerate(order.upper()):
         sine, cosine = _sine_and_cosine(half[..., place])
-        # product with a quaternion that has two zero components
+        # product with a quaternion that has only two non-zero components
         i, j, k = _CYCLIC[name]
         w, parts[i] = w * cosine - parts[i] * sine, parts[i] * cosine + w * sine
         parts[j], parts[k] = parts[j] * cosine + parts[k] * sine, parts[k] * cosine - parts[j] * sine
@@ -232,7 +232,7 @@ def slerp(start: ArrayLike, end: ArrayLike, fraction: ArrayLike) -> Array:
     cosine = np.einsum("...i,...i", a, b)
     angle = np.arccos(np.minimum(np.abs(cosine), 1.0))
     sine, _ = _sine_and_cosine(angle)
-    near = sine < 1e-7  # the arc is nearly straight
+    near = sine < 1e-7  # start and end nearly coincide
     safe = np.where(near, 1.0, sine)
     of_start = np.where(near, 1.0 - t, _sine_and_cosine((1.0 - t) * angle)[0] / safe)
     of_end = np.where(near, t, _sine_and_cosine(t * angle)[0] / safe)
@@ -240,7 +240,7 @@ def slerp(start: ArrayLike, end: ArrayLike, fraction: ArrayLike) -> Array:
 
 
 def mean(quaternions: ArrayLike) -> Array:
-    """Return the mean over the first axis (Markley 2007)."""
+    """Return the mean rotation over the first axis (Markley 2007)."""
     q = np.asarray(quaternions, dtype=np.float64)
     outer = np.einsum("n...i,n...j->...ij", q, q)
     _, vectors = np.linalg.eigh(outer)
@@ -249,7 +249,7 @@ def mean(quaternions: ArrayLike) -> Array:
 
 
 def continuous(quaternions: ArrayLike) -> Array:
-    """Return `[F, ..., 4]` with the signs chosen so that neighbouring frames lie in one hemisphere."""
+    """Return quaternions `[F, ..., 4]` with signs such that successive frames lie in one hemisphere."""
     q = np.array(quaternions, dtype=np.float64)
     if len(q) > 1:
         flipped = np.einsum("...i,...i", q[1:], q[:-1]) < 0.0
@@ -272,7 +272,7 @@ def unwrap_euler(angles: Array) -> Array:
 
 
 def swing_twist(quaternions: ArrayLike, axis: ArrayLike) -> tuple[Array, Array]:
-    """Split q into (swing, twist), q = swing * twist, twist about the unit `axis`."""
+    """Split q into (swing, twist) with q = swing * twist, the twist being about the unit vector `axis`."""
     q = np.asarray(quaternions, dtype=np.float64)
     n = np.asarray(axis, dtype=np.float64)
     along = np.sum(q[..., 1:] * n, axis=-1, keepdims=True)

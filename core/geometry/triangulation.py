@@ -1,4 +1,4 @@
-"""3D points from pixels of two or more cameras, with covariance."""
+"""Triangulation of points seen by two or more cameras, with covariances."""
 
 from collections.abc import Sequence
 
@@ -12,13 +12,13 @@ from .least_squares import gauss_newton
 def triangulate(
     cameras: Sequence[Camera], normalised: Array, weights: Array, pixel_sigma: float, start_m: Array | None = None
 ) -> tuple[Array, Array, Array]:
-    """Return points (N, 3), covariances (N, 3, 3), pixel errors (N, C).
+    """Return points (N, 3), covariances (N, 3, 3) and reprojection errors (N, C) in pixels.
 
     The points minimise the reprojection error (Hartley and Zisserman, Multiple View Geometry, 12.3).
 
     Args:
         normalised: Undistorted normalised coordinates (N, C, 2); ignored where the weight is zero.
-        weights: 1 where a camera sees a point, else 0 (N, C); at least two cameras see each point.
+        weights: 1 where a camera sees a point, else 0 (N, C); each point is seen by at least two.
         pixel_sigma: Standard deviation of a blob's centre along each axis, pixels.
         start_m: Earlier estimates of the points (N, 3), NaN if unknown.
     """
@@ -29,7 +29,8 @@ def triangulate(
         start = np.where(np.isfinite(start), start, _linear(cameras, rotations, observed, weights))
     shifts = np.array([camera.translation_m for camera in cameras])
     focal = np.array([camera.focal_px for camera in cameras])
-    # the focal length alone turns errors into pixels: the distortion is about constant over so short a distance
+    # errors are converted to pixels by the focal length alone, because distortion is nearly constant over such short
+    # distances
     scale = (weights * (focal / pixel_sigma))[..., None]
     points, residuals, jacobian = gauss_newton(
         start,
@@ -50,16 +51,17 @@ def _linear(cameras: Sequence[Camera], rotations: Array, observed: Array, weight
     rays = (local[:, :, None] @ rotations)[:, :, 0]
     squares = np.einsum("nci,nci->nc", local, local)
     weighted = rays * (weights / squares)[..., None]
-    # normal equations: the sum of w (1 - r r^T) times the point equals that of w (1 - r r^T) c, unit rays r, centres c
+    # normal equations, with unit rays r and centres c: the sum of w (1 - r r^T) times the point is the sum of w (1 - r
+    # r^T) c
     across = weights.sum(axis=1)[:, None, None] * np.eye(3) - weighted.transpose(0, 2, 1) @ rays
     along = np.einsum("nci,ci->nc", rays, centres)
     right = weights @ centres - np.einsum("nci,nc->ni", weighted, along)
     return np.asarray((inverse_3x3(across) @ right[..., None])[..., 0])
 
 
-# cofactors 00, 01, 02, 11, 12, 22 of a flat symmetric matrix are p * q - r * s, with entries at these indices
+# cofactors 00, 01, 02, 11, 12, 22 of a flat symmetric matrix are p * q - r * s of the entries at these indices
 _P, _Q, _R, _S = np.array(((4, 2, 1, 0, 1, 0), (8, 5, 5, 8, 2, 4), (5, 1, 2, 2, 0, 1), (5, 8, 4, 2, 5, 1)))
-_WHOLE = np.array((0, 1, 2, 1, 3, 4, 2, 4, 5))  # cofactor at each entry of the flat matrix, an index into the six above
+_WHOLE = np.array((0, 1, 2, 1, 3, 4, 2, 4, 5))  # which of the six cofactors is at each entry of the flat matrix
 
 
 def inverse_3x3(matrices: Array) -> Array:
@@ -74,7 +76,7 @@ def inverse_3x3(matrices: Array) -> Array:
 
 
 def _residuals(rotations: Array, shifts: Array, points: Array, observed: Array, scale: Array) -> tuple[Array, Array]:
-    """Return scaled errors (N, 2 C) and their derivatives with respect to the point (N, 2 C, 3)."""
+    """Return scaled errors (N, 2 C) and their derivatives (N, 2 C, 3) with respect to the points."""
     local = (points @ rotations.reshape(-1, 3).T).reshape(len(points), -1, 3) + shifts
     depth = local[..., 2:]
     depth = np.where(np.abs(depth) > 1e-6, depth, 1e-6)

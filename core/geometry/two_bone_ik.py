@@ -9,7 +9,7 @@ from .arrays import Array
 
 
 def triangle_angle(near: ArrayLike, side: ArrayLike, opposite: ArrayLike) -> Array:
-    """Return the angle between the sides `near` and `side` of a triangle."""
+    """Return the angle between the sides `near` and `side` of a triangle, whose third side is `opposite`."""
     a, b, o = (np.asarray(length, dtype=np.float64) for length in (near, side, opposite))
     cosine = (a * a + b * b - o * o) / (2.0 * a * b)
     return np.asarray(np.arccos(np.minimum(np.maximum(cosine, -1.0), 1.0)))
@@ -18,14 +18,14 @@ def triangle_angle(near: ArrayLike, side: ArrayLike, opposite: ArrayLike) -> Arr
 def reach_with_two_bones(
     points: tuple[Array, Array, Array], rotations: tuple[Array, Array], target: Array, hinge: Array, straightest: float
 ) -> tuple[Array, Array]:
-    """Return world rotations (4,) of two bones that put their end at a target.
+    """Return the world rotations (4,) of two bones that bring their end to a target.
 
     Args:
         points: Start of the first bone, joint between them, end of the second (3,).
         rotations: Current world rotations (4,) of the bones.
         target: Target (3,) relative to the start; if it is out of reach, the bones point at it.
         hinge: Unit axis (3,) about which a straight limb bends.
-        straightest: Fraction of the limb's length to which it may be stretched, unless it is straighter already.
+        straightest: Largest fraction of its length to which the limb is stretched, unless it is straighter already.
     """
     start, middle, end = points
     first, second, reach = middle - start, end - middle, end - start
@@ -48,11 +48,12 @@ def reach_with_two_bones(
 def two_bone_directions(
     reach: c.Vector, normal: c.Vector, first_m: float, second_m: float, unreached: c.Vector, straightest: float = 0.9995
 ) -> tuple[c.Vector, c.Vector]:
-    """Return the directions of two bones that put their end at `reach`, relative to their start.
+    """Return the directions of two bones that bring their end to `reach`; all positions are relative to their start.
 
     Args:
         reach: Desired end of the second bone; if it is out of reach, the bones come as close as possible.
-        normal: Normal of the plane in which the bones bend while they end at `unreached`; it turns with the limb.
+        normal: Normal of the plane in which the bones bend while they end at `unreached`; it is turned along with the
+            limb.
         unreached: Current end of the second bone.
         straightest: Largest fraction of their length to which the bones are stretched.
     """

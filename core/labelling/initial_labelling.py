@@ -271,7 +271,7 @@ def _likelihoods(places: FloatArray, norms: FloatArray, points: FloatArray) -> F
 
 
 def _cheapest(pairs: FloatArray, candidates: IntArray) -> tuple[IntArray, Array]:
-    """Return the cheapest points (P, K, L) of limbs, or -1 for none, and costs (P, K), padded with infinity.
+    """Return the K cheapest choices (P, K, L) of points for limb markers, -1 for none, and their costs (P, K).
 
     Args:
         pairs: Costs (P, L, C + 1, L, C + 1) of two limb markers at two of their candidates; the last candidate means

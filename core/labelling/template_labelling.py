@@ -24,7 +24,7 @@ class TemplateSettings:
     pairs: int = 6  # number of pairs of template markers tried, the most distant ones
     refined: int = 60  # number of rough placements that are refined
     rounds: int = 8  # largest number of assignments in one refinement
-    turn_penalty_m: float = 0.02  # cost per radian of turn from the cameras; decides between near-symmetric placements
+    turn_penalty_m: float = 0.02  # cost per radian of turn from the cameras; decides between almost symmetric poses
     fewest_found: float = 0.6  # share of the markers that must be found
 
 
