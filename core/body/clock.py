@@ -208,7 +208,7 @@ def clock_of(times_s: Array, stated_fps: float | None = None, numbers: IntArray 
 
 
 def _ascending(times_s: Array) -> IntArray:
-    """Return the frames with finite, strictly ascending times; stamps that jump ahead or back are left out."""
+    """Return the frames (R,) with finite, strictly ascending times; those that jump ahead or back are left out."""
     finite = np.flatnonzero(np.isfinite(times_s))
     known_s = times_s[finite]
     latest_s = np.maximum.accumulate(np.concatenate(([-np.inf], known_s)))[:-1]

@@ -209,7 +209,7 @@ def _pops(jumps: Mask, apart: Apart, start: int, longest: int) -> tuple[Mask, li
 
 
 def _with_short_pieces(popped: Mask, lone: Sequence[int], start: int, longest: int) -> Mask:
-    """Return the pops, with short parts between unpaired jumps or between one and an end of the motion."""
+    """Return the mask of pops, extended to short parts between unpaired jumps, or between one and the motion's ends."""
     result = popped.copy()
     edges = [start, *lone, len(popped)]
     for first, stop in pairwise(edges):
@@ -250,7 +250,7 @@ def _ends_repaired(motion: Motion, jumps: Mask, start: int, defects: list[Defect
 
 
 def _bridge(rotations: Array, first: int, stop: int, start: int) -> Array:
-    """Return the rotations of frames from `first` up to but not including `stop`, interpolated between those around."""
+    """Return rotations (stop - first, 4) for frames from `first` on, interpolated between those around them."""
     if first == start:
         return np.tile(rotations[stop], (stop - first, 1))
     if stop == len(rotations):

@@ -116,7 +116,7 @@ class MultipleModelFilter:
         return np.where(np.isfinite(points[:, 0]), found, np.nan)
 
     def _innovations(self, points: Array, sigmas: Array) -> tuple[Array, Array, Array, Array]:
-        """Return innovations (N, K, 3), and their variances, squared lengths, and squares over variances (N, K)."""
+        """Return innovations (N, K, 3), and their variances, squared lengths and squares over variances (N, K each)."""
         located = np.isfinite(points[:, :1])
         innovations = np.where(located, points, 0.0)[:, None] - self._states[:, :, 0]
         variances = self._covariances[..., 0, 0] + (sigmas * sigmas)[:, None]

@@ -1,4 +1,4 @@
-"""The method "best": neighbours and a learned prior, fitted to the markers."""
+"""The method "best": a Gaussian of neighbours and a learned prior, fitted to the markers."""
 
 from collections.abc import Sequence
 from copy import copy
@@ -21,36 +21,37 @@ from .settings import BestSettings
 from .solution import Estimate
 from .subject_model import RootPose, SubjectModel
 
-_KERNEL = 0.2  # Eq. 2 distance, as a share of the largest, at which an example's weight falls to 1/e
-_HISTORY_SHARE = 0.3  # weight of the earlier markers' squared distances relative to the current ones'
+_KERNEL = 0.2  # Eq. 2 distance, as a share of the largest one, at which an example's weight has fallen to 1/e
+_HISTORY_SHARE = 0.3  # weight of the squared distances of earlier markers relative to those of current ones
 _BROAD_SAMPLES = 4096  # number of frames used for the covariance of the whole database
-_NONE = 1e-20  # covariance below which joints are treated as independent
+_NONE = 1e-20  # covariance of two entries of a pose below which they are treated as independent
 _COMPONENTS = 30  # number of principal components of earlier poses that are kept
 _FIT_STEPS = 8  # largest number of Gauss-Newton steps; one is usually enough
-# Distance of the markers from the neighbours divided by that from the learned prior, both in standard deviations, at
-# which the two have equal weight; for bodies that are not in the database, and for those that are. The fourth power of
-# the ratio, relative to this value, inflates the neighbours' variances.
+# Ratio of the markers' distance from the neighbours to their distance from the learned prior, each in standard
+# deviations, at which neighbours and prior have equal weight; for bodies that are not in the database, and for those
+# that are. The fourth power of the actual ratio, relative to this one, is the factor of the neighbours' variances.
 _TRUSTED, _TRUSTED_KNOWN = 1.3, 5.0
 _MOST_INFLATION = 100.0
 # For bodies that are not in the database, a joint's variances are inflated further where neighbours and learned prior
-# differ by more than their standard deviations: other people hold their hands and heads differently while walking.
+# differ by more than their standard deviations. For example, people hold their hands and heads differently while
+# walking.
 _JOINT_INFLATION_SHARE = 0.3  # factor of this further inflation, see `widen_joints`
 # Lower bound on the markers' distance from the learned prior, in standard deviations, for joints whose markers are all
-# hidden. A vague prior is close to any markers, and the other joints' markers say little about these joints.
+# hidden. A vague prior is close to any markers, and the markers of other joints say little about these.
 _LEAST_OFF = 0.8
 # Distance of the markers from the neighbours, in standard deviations, above which the neighbours' Gaussian is widened
-# in proportion if the body is in the database: it moves in a new way.
+# in proportion if the body is in the database: above it, the body moves in a new way.
 _USUAL_DEVIATION = 0.5
-# The standard deviations of a pose given its markers are multiplied by
-# scale * (deviation of the markers from the prior + _LEAST_DEVIATION) ** _WIDENING. The scale is _SHARE for bodies that
-# are not in the database, _KNOWN_SHARE for those that are; fitted to takes, see `session.part_errors`.
+# The computed standard deviations of a pose are multiplied by scale * (d + _LEAST_DEVIATION) ** _WIDENING, where d is
+# the distance of the markers from the prior in standard deviations. The scale is _SHARE for bodies that are not in the
+# database and _KNOWN_SHARE for those that are. These numbers were fitted to takes, see `session.part_errors`.
 _WIDENING, _LEAST_DEVIATION, _SHARE, _KNOWN_SHARE = 0.67, 0.05, 1.2, 0.5
-_LIMIT_PERCENTILES = (1.0, 99.0)  # percentiles of the database's joint angles that give the limits
+_LIMIT_PERCENTILES = (1.0, 99.0)  # percentiles of the database's joint angles that are the joint limits
 _LIMIT_MARGIN_RAD = 0.05  # margin added at either end of this range
 
 
 class BestMethod:
-    """Gaussian of the neighbours, conditioned on the past and fitted to the markers.
+    """Method that conditions a Gaussian of the neighbours on the past and fits it to the markers.
 
     Attributes:
         earlier_markers: Earlier markers of the database's frames.
@@ -88,7 +89,7 @@ class BestMethod:
         self._grant_covariances()
 
     def _grant_covariances(self) -> None:
-        """Compute the covariance added to the neighbours', and those of a pose about the continued motion."""
+        """Compute the covariance that is added to the neighbours', and those of a pose about the continued motion."""
         settings, history = self._settings, self._history_of(self._broad_frames)
         broad = np.asarray(np.cov(np.concatenate((self._broad_poses, *history), axis=1).T, ddof=0))
         floor = settings.broad_share * broad
@@ -108,7 +109,7 @@ class BestMethod:
         return found
 
     def learned_priors(self, frames: Sequence[tuple[Observation, Array]], times_s: Array) -> list[PriorEstimate | None]:
-        """Return the learned priors of successive frames, computed in one batch; None where the torso is hidden.
+        """Return the learned priors for successive frames, computed in one batch; None where the torso is hidden.
 
         Args:
             frames: Observations and the markers (M, 3) expected in each.
@@ -125,7 +126,7 @@ class BestMethod:
 
     def fit_about(self, poses: Array, roots: RootPose, observations: Sequence[Observation]) -> tuple[Array, RootPose]:
         """Fit poses (F, D) and their roots to the markers, starting from the given values."""
-        # the smaller covariance is better for known bodies, too, because their trajectories are already good
+        # the smaller covariance is used for known bodies, too, because the given trajectories are already good
         settings, covariance, limits = self._settings, self._smaller_change, self._limits
         root_sigma, sigma_m = (settings.root_sigma_m, settings.root_sigma_rad), settings.marker_sigma_m
         fitted, rotations, places = poses.copy(), roots.rotation.copy(), roots.position_m.copy()
@@ -139,8 +140,8 @@ class BestMethod:
         return fitted, RootPose(rotations, places)
 
     def estimate(self, problem: FrameProblem) -> Estimate:
-        """Return the pose and the root, fitted to the markers under the prior."""
-        # with rays only, a known body's depth is a guess: use the wider settings
+        """Return the pose and the root that fit the markers under the prior."""
+        # with rays only, the depth of a known body is a guess, so the settings for other bodies are used
         state, known = problem.state, self._known and bool(problem.observation.located.any())
         settings = self._settings if known else self._settings_without_depth
         prior, neighbours = self._prior(problem)
@@ -153,7 +154,7 @@ class BestMethod:
                 if state.markers_m is not None:
                     seen = seen.back_projected(state.markers_m)
                 learned = self._learned.estimate(self._learned.recent(seen, state.observed, state.time_s), root)
-            if not self._known:  # a known body's torso gives a better root
+            if not self._known:  # the torso markers of a known body give a better root
                 root, root_sigma = learned.root, learned.root_sigma
         priors = [prior, learned.pose] if learned else [prior]
         off, *learned_off = deviations(priors, problem.observation, root, root_sigma, self._subject)
@@ -181,7 +182,7 @@ class BestMethod:
         return Estimate(pose, root, neighbours, 0, facts.steps, expectation, widened, inflation > 1.0)
 
     def _prior(self, problem: FrameProblem) -> tuple[Prior, int]:
-        """Return the Gaussian of the pose given the past, and the number of examples."""
+        """Return the Gaussian of the pose given the past, and the number of neighbours used."""
         settings, state, examples = self._settings, problem.state, problem.examples
         history, pose_history = self._history_of(examples.frames)
         observed = self.earlier_markers.observed(state.observed, state.time_s, problem.root).ravel()
@@ -206,14 +207,14 @@ class BestMethod:
 
 
 def _inflation(off: float, learned_off: float, known: bool = False) -> float:
-    """Return the factor of the neighbours' variances; a factor below 1 divides the learned prior's instead.
+    """Return the factor of the neighbours' variances; instead of one below 1, its inverse inflates the learned prior's.
 
     Args:
         off: RMS distance of the markers from the neighbours' Gaussian, in standard deviations.
         learned_off: The same for the learned prior.
         known: Whether the body is in the database.
     """
-    # no markers are visible, so the weights stay equal
+    # if no markers are visible, the weights stay equal
     ratio = off / (learned_off * (_TRUSTED_KNOWN if known else _TRUSTED)) if learned_off else 1.0
     if not known:  # neighbours that explain the markers within a standard deviation keep their weight
         ratio *= min(1.0, off)

@@ -11,10 +11,10 @@ from ..geometry import rotations as rot
 from ..geometry.arrays import FloatArray, IntArray
 from .subject_model import SubjectModel
 
-MOST = np.iinfo(np.int16).max  # largest stored coordinate, units
-BESIDE = 17  # number B of values that a search stores next to each frame's markers, to keep its data contiguous
-_CHUNK = 4096  # frames posed at once: fewer mean more calls, more exceed the CPU cache
-_CELLS = 64  # cells averaged at once
+MOST = np.iinfo(np.int16).max  # largest stored coordinate, in units
+BESIDE = 17  # number B of values that a search stores after each frame's markers, so that its data are contiguous
+_CHUNK = 4096  # number of frames posed at once: fewer would mean more calls, more would exceed the CPU cache
+_CELLS = 64  # number of cells averaged at once
 
 
 class DatabaseMarkers:
@@ -22,15 +22,15 @@ class DatabaseMarkers:
 
     Args:
         cells: Cell (F,) of each frame, see `build_cells`.
-        posed: Returns the markers (K, M, 3), metres, of frames (K,).
-        reach_m: Upper bound on the absolute coordinates.
+        posed: Function that returns the markers (K, M, 3), metres, of frames (K,).
+        reach_m: Upper bound on the absolute values of the coordinates, metres.
 
     Attributes:
         count: Number of markers M.
         unit_m: Unit of the stored coordinates, a few hundredths of a millimetre.
-        rows: Rows (F, 3 M + B) in the order of the cells: coordinates, and space for the values of one search.
+        rows: Rows (F, 3 M + B) in the order of the cells: coordinates, then space for the values of one search.
         order: Frame (F,) of each row.
-        starts: First row (C + 1,) of each cell; the last entry is F.
+        starts: First row (C + 1,) of each cell; the additional last entry is F.
     """
 
     def __init__(self, cells: NDArray[Any], posed: Callable[[NDArray[Any]], FloatArray], reach_m: float) -> None:
@@ -69,7 +69,7 @@ class DatabaseMarkers:
 
 
 def database_markers(subject: SubjectModel, database: Database) -> DatabaseMarkers:
-    """Return a subject's markers in all frames of a database; a database without cells counts as one cell."""
+    """Return a subject's markers in all frames of a database; a database without cells is treated as one cell."""
     cells = np.zeros(database.frames, dtype=np.int32) if database.cells is None else database.cells
     bones_m = rot.lengths(subject.skeleton.offsets_m)
     bones_m[0] = 0.0  # the root is at the origin

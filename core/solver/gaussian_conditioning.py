@@ -1,11 +1,11 @@
 """Gaussian of neighbouring poses, conditioned on the past and fitted to markers.
 
 The neighbours' poses, their earlier markers and their earlier poses have a joint Gaussian distribution, widened by a
-fraction of the whole database's covariance, which allows only movements that bodies make (a knee does not twist).
-The pose given the past is a linear regression (Bishop 2006, Eq. 2.81); the continued change of pose is a second
-observation. Then pose and root are fitted together to the current markers by Gauss-Newton steps under that prior, in
-the dual form, which inverts a matrix of the size of the markers, not of the pose (iterated Kalman update, Bell and
-Cathey 1993).
+fraction of the whole database's covariance, so that it still allows only movements that bodies make (a knee does not
+twist). The pose given the past is a linear regression (Bishop 2006, Eq. 2.81); the pose expected from the continued
+motion is a second observation. Then pose and root are fitted together to the current markers by Gauss-Newton steps
+under that prior, in the dual form, which inverts a matrix of the size of the markers, not of the pose (iterated Kalman
+update, Bell and Cathey 1993).
 """
 
 from collections.abc import Sequence
@@ -23,11 +23,11 @@ from ..geometry.arrays import Array, Mask
 from .observation import Observation, control_jacobian, control_residual, control_sigmas
 from .subject_model import RootPose, SubjectModel
 
-_EXPECTED_SIGMA_M = 0.01  # standard deviation of a marker relative to the prior's: skin motion and model errors
-_LIMIT_RAD = 0.02  # standard deviation of an angle beyond a joint's limit
-_FIRST_DAMPING, _DAMPING_GROWTH = 1.0, 4.0  # damping after a step that increased the cost, and its growth
-_TINY = np.float32(1e-3)  # differences below a ten-millionth of this are rounded to zero
-_STRAIGHT_RAD = 0.05  # largest rotation in a step that is linear enough to be the last one
+_EXPECTED_SIGMA_M = 0.01  # standard deviation of a marker about its position on the body: skin motion and model errors
+_LIMIT_RAD = 0.02  # standard deviation of the part of an angle that is beyond the joint's limit
+_FIRST_DAMPING, _DAMPING_GROWTH = 1.0, 4.0  # damping after a step increased the cost, and its growth after more
+_TINY = np.float32(1e-3)  # differences below about a ten-millionth of this are rounded to zero
+_STRAIGHT_RAD = 0.05  # largest rotation in a step for which the model is linear enough to stop
 
 
 @dataclass(frozen=True)
@@ -41,15 +41,15 @@ class Prior:
 def neighbours_prior(
     samples: NDArray[Any], weights: Array, floor: NDArray[Any], observed: Array, variances: Array
 ) -> Prior:
-    """Return the Gaussian of the neighbours' first entries given the last ones (Bishop 2006, Eq. 2.81).
+    """Return the Gaussian of the neighbours' first entries given the last m (Bishop 2006, Eq. 2.81).
 
     Single precision is enough for the differences between samples.
 
     Args:
         samples: Neighbours (K, D + m).
         weights: Their positive weights (K,), with sum 1.
-        floor: Covariance (D + m, D + m) added to the neighbours' own, so that entries equal in all of them can
-            still change.
+        floor: Covariance (D + m, D + m) added to that of the neighbours, so that entries that are equal in all
+            neighbours can still change.
         observed: Observed values (m,) of the last entries, NaN where unknown.
         variances: Variances (m,) of the observations.
     """
@@ -68,8 +68,8 @@ def neighbours_prior(
     spread *= np.sqrt(shares)[:, None]
     mean = centre + shift.astype(np.float64)
     syrk = ssyrk if spread.dtype == np.float32 else dsyrk
-    covariance = syrk(1.0, spread.T, 1.0, floor.T)  # only the upper triangle, because nothing else is used
-    # double precision from here on, because single precision would meet subnormal numbers
+    covariance = syrk(1.0, spread.T, 1.0, floor.T)  # only the upper triangle, because no more is used
+    # double precision from here on, because in single precision subnormal numbers would occur
     across, own = (
         np.asfortranarray(part, dtype=np.float64) for part in (covariance[:kept, kept:], covariance[kept:, kept:])
     )
@@ -80,18 +80,18 @@ def neighbours_prior(
 
 
 def continue_prior(prior: Prior, expected: Array, covariance: Array) -> Prior:
-    """Return a prior updated with the pose (D,) expected from continued motion and its covariance (D, D)."""
+    """Return a prior updated with a second estimate of the pose: its mean (D,) and covariance (D, D)."""
     across, moved = _regress(prior.covariance.T, (prior.covariance + covariance).T, expected - prior.mean)
     return Prior(prior.mean + moved, prior.covariance - _product(across, across.T))
 
 
 def widen_joints(prior: Prior, other: Prior, inflations: Array, share: float) -> Prior:
-    """Return a prior with the joints' variances inflated, most where another prior differs.
+    """Return a prior with the variances of joints inflated, most where another prior differs.
 
     Args:
-        inflations: Factor (J - 1,) for each joint's variances; factors below 1 count as 1.
-        share: Factor of a further inflation: `share` times the inflation times the squared distance between the two
-            means, divided by the sum of the two variances; it applies where it exceeds 1.
+        inflations: Factor (J - 1,) for each joint's variances; factors below 1 are replaced by 1.
+        share: Share of a further inflation, which is `share` times the inflation times the squared distance between the
+            two means, divided by the sum of the two variances; it is applied where it exceeds 1.
 
     Returns:
         The prior with scaled rows and columns; correlations are unchanged.
@@ -106,15 +106,15 @@ def widen_joints(prior: Prior, other: Prior, inflations: Array, share: float) ->
 
 
 def _regress(across: NDArray[Any], own: NDArray[Any], innovation: Array) -> tuple[NDArray[Any], Array]:
-    """Regress other entries (D,) on observations (m,).
+    """Regress the entries (D,) of a Gaussian on observations (m,) of others.
 
     Args:
-        across: Covariance (D, m) of the entries and the observations.
+        across: Covariance (D, m) between the entries and the observations.
         own: Upper triangle of the observations' covariance (m, m).
         innovation: Observations (m,) minus their expectation.
 
     Returns:
-        A square root (D, m) of the explained covariance, and the change of the entries' mean.
+        A square root (D, m) of the explained covariance, and the change (D,) of the entries' mean.
     """
     if len(own) == 0:  # LAPACK rejects empty matrices
         return across, np.zeros(len(across))
@@ -141,17 +141,17 @@ def _product(left: Array, right: Array) -> Array:
 
 
 def _solve(covariance: Array, right: Array) -> Array:
-    """Return the inverse of a positive definite matrix times another."""
+    """Return the inverse of a positive definite matrix times another matrix."""
     if len(covariance) == 0:  # LAPACK rejects empty matrices
         return right
-    _, solved, failed = dposv(covariance.T, right)  # SciPy's wrapper functions take longer than a small solve
+    _, solved, failed = dposv(covariance.T, right)  # SciPy's wrappers would take longer than solving a small system
     if failed:
         raise np.linalg.LinAlgError(f"the leading minor {failed} of a covariance is not positive")
     return np.asarray(solved)
 
 
 def _whiten(covariance: Array, right: Array) -> tuple[Array, Array]:
-    """Return L^-1 right and L, with L L^T the covariance."""
+    """Return L^-1 right and L, where L L^T is the covariance."""
     if len(covariance) == 0:
         return right, covariance
     factor, failed = dpotrf(covariance.T, lower=1)
@@ -168,10 +168,10 @@ class Expectation:
     observation: Observation
     root: RootPose  # mean of the root's prior
     root_sigma: tuple[float, float]  # standard deviations (m, rad) of the root
-    limits: Array  # (2, D) smallest and largest entries of a pose, rad
+    limits: Array  # (2, D) smallest and largest values of a pose's entries, rad
 
     def negative_log_likelihood(self, subject: SubjectModel) -> float:
-        """Return the negative log density of the observed markers, in metres."""
+        """Return the negative log density of the observed markers, for positions in metres."""
         markers, jacobian = subject.markers_and_jacobian(self.prior.mean.reshape(-1, 3), self.root)
         unlikely, factor = _innovation(self.prior, self.observation, self.root_sigma, markers, jacobian)
         return float(
@@ -186,7 +186,7 @@ def deviations(
     root_sigma: tuple[float, float],
     subject: SubjectModel,
 ) -> list[float]:
-    """Return the RMS distance of the markers from each prior, in its standard deviations."""
+    """Return the RMS distance of the markers from each prior, in standard deviations of that prior."""
     poses = np.array([prior.mean.reshape(-1, 3) for prior in priors])
     found = zip(priors, *subject.markers_and_jacobian(poses, root), strict=True)
     unlikely = [_innovation(prior, observation, root_sigma, markers, full)[0] for prior, markers, full in found]
@@ -196,10 +196,10 @@ def deviations(
 def _innovation(
     prior: Prior, observation: Observation, root_sigma: tuple[float, float], markers: Array, jacobian: Array
 ) -> tuple[Array, Array]:
-    """Return the whitened differences of the markers from a prior, and the Cholesky factor that whitens them.
+    """Return the whitened deviations of the markers from a prior, and the Cholesky factor by which they were whitened.
 
     Args:
-        markers: Markers (M, 3) of the prior's mean.
+        markers: Markers (M, 3) in the prior's mean pose.
         jacobian: Their Jacobian (M, 3, 6 + D).
     """
     jacobian = control_jacobian(observation, jacobian)
@@ -214,9 +214,9 @@ def _innovation(
 class FitFacts:
     """Facts about a fit."""
 
-    steps: int  # steps tried
+    steps: int  # number of steps tried
     sigmas_rad: Array  # (D,) standard deviations of the pose given the markers, from the last linear model (Laplace)
-    deviation: float  # RMS distance of the markers from the prior, in its standard deviations
+    deviation: float  # RMS distance of the markers from the prior, in standard deviations of that prior
 
 
 def fit_to_markers(
@@ -234,7 +234,7 @@ def fit_to_markers(
     Args:
         marker_sigma_m: Standard deviation of a marker's coordinate in addition to its noise.
         steps: Largest number of steps.
-        straight_rad: Rotation below which a step is linear enough to be the last one.
+        straight_rad: Largest rotation in a step for which the model is linear enough to stop.
     """
     sigmas_m = control_sigmas(expectation.observation, marker_sigma_m)
     covariance, mean = expectation.prior.covariance, expectation.prior.mean
@@ -265,12 +265,12 @@ def fit_to_markers(
         dual = (1.0 - share) * dual + slopes.T @ forces
         root = moved_root(expectation.root, change)
         beyond_rad = beyond_limits(mean + change[6:], expectation.limits)
-        # limits that were already exceeded are part of the linear model
+        # joint limits that were already exceeded are part of the linear model
         passed_rad = np.abs(beyond_rad[is_within]).max(initial=0.0)
         if max(np.abs(change - kept[0])[3:].max(), passed_rad) < straight_rad:
             break
     else:
-        change = kept[0]  # the cost of the last step is unknown
+        change = kept[0]  # the cost after the last step is unknown, so the state before it is returned
         root = moved_root(expectation.root, change)
     _add_to_diagonal(across, 1.0)
     facts = _facts(taken, covariance, across, gains[6:], innovation)
@@ -278,7 +278,7 @@ def fit_to_markers(
 
 
 def _facts(steps: int, covariance: Array, system: Array, gains: Array, innovation: Array) -> FitFacts:
-    """Return the facts about a fit from the last step's system (m, m) and gains (D, m)."""
+    """Return the facts about a fit, from the system (m, m) and the gains (D, m) of its last step."""
     halves, _ = _whiten(system, np.concatenate((gains.T, innovation[:, None]), axis=1))
     explained = np.add.reduce(halves * halves)
     sigmas_rad = np.sqrt(np.maximum(covariance.diagonal() - explained[:-1], 0.0))
@@ -306,6 +306,6 @@ def beyond_limits(pose: Array, limits: Array) -> Array:
 
 
 def moved_root(root: RootPose, change: Array) -> RootPose:
-    """Return roots moved by changes (..., 6 or more): translation, rotation, ..."""
+    """Return roots moved by the first six entries of changes (..., n): translation, then rotation vector."""
     rotation = rot.multiply(root.rotation, rot.from_rotation_vector(change[..., 3:6]))
     return RootPose(rotation, root.position_m + change[..., :3])

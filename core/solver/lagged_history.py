@@ -1,8 +1,8 @@
-"""Earlier markers and poses of the performer, and of every database frame.
+"""Earlier markers and poses: those of the performer, and those before each database frame.
 
 The markers of a single frame do not show how the motion continues: whether a foot in the air rises or falls, how fast
-an arm swings. Earlier markers in the frame of the current root describe the motion of limbs and body at any frame rate,
-without a solved pose. Earlier solved poses supply the rest, such as the twist of an arm.
+an arm swings. Earlier markers, in the frame of the current root, describe the motion of limbs and body at any frame
+rate and without a solved pose. Earlier solved poses supply the rest, such as the twist of an arm.
 """
 
 from bisect import bisect_left
@@ -22,19 +22,19 @@ from .subject_model import RootPose
 
 _UNIT = np.float32(1.0 / 32_760)  # unit of stored matrix entries; rounding moves a hand by less than 0.1 mm
 _CHUNK = 8192  # frames processed at once
-_TOLERANCE = 0.3  # largest difference between a lag and the remembered time, as a share of the lag
+_TOLERANCE = 0.3  # largest difference of a remembered value's age from a lag, as a share of the lag
 
 
 @dataclass(frozen=True)
 class LaggedHistory:
-    """The latest values of a quantity and their times."""
+    """The most recent values of a quantity, with their times."""
 
     longest_s: float = 0.0  # longest lag; 0 to remember nothing
     times_s: tuple[float, ...] = ()  # ascending
     values: tuple[Array, ...] = ()
 
     def remember(self, time_s: float, value: Array) -> "LaggedHistory":
-        """Return the history with one more value; a time that is not later than the last starts a new history."""
+        """Return the history with one value added; a time that is not later than the last one starts a new history."""
         if not self.longest_s:
             return self
         if self.times_s and time_s <= self.times_s[-1]:
@@ -44,7 +44,7 @@ class LaggedHistory:
         return LaggedHistory(self.longest_s, times_s[first:], (*self.values, value)[first:])
 
     def before(self, time_s: float, lags_s: Sequence[float]) -> list[Array | None]:
-        """Return the value at each lag before a time, or None where unknown."""
+        """Return the value at each lag before a time; None where it is unknown."""
         return [self._near(time_s - lag, _TOLERANCE * lag) for lag in lags_s]
 
     def _near(self, moment_s: float, tolerance_s: float) -> Array | None:
@@ -59,7 +59,7 @@ class LaggedHistory:
 
 
 class LaggedFrames:
-    """Earlier frames of the same clip; in a time-reversed copy, later frames.
+    """Access to the earlier frames of database frames in the same clip; in a time-reversed copy, to later frames.
 
     Args:
         lags_s: Ascending lags.
@@ -84,7 +84,7 @@ class LaggedFrames:
 
 
 class LaggedMarkers:
-    """Earlier markers (M, 3) in the frame of the current root, NaN where not located."""
+    """Access to earlier markers (M, 3) in the frame of the current root, NaN where not located."""
 
     def __init__(self, database: Database, markers: DatabaseMarkers, earlier: LaggedFrames) -> None:
         self._markers, self._earlier = markers, earlier
@@ -107,9 +107,9 @@ class LaggedMarkers:
         return root.to_root_frame(np.array([unknown if each is None else each for each in earlier]))
 
     def of_frames(self, frames: IntArray) -> FloatArray:
-        """Return the earlier markers (K, L, M, 3) of database frames (K,)."""
+        """Return the markers (K, L, M, 3) before database frames (K,), in the frames of the roots of those."""
         earlier = self._earlier.of(frames)
-        # for row vectors, p R^T turns from the root's axes to the world's, and p R turns back
+        # for row vectors p, p R^T turns from the root's axes to the world's, and p R turns back
         away, back = (self._matrices(each) for each in (earlier, frames))
         away = np.ascontiguousarray(away.swapaxes(-1, -2))
         turned = self._markers.take(earlier) @ away
@@ -124,7 +124,7 @@ class LaggedMarkers:
 
 
 class LaggedPoses:
-    """Leading principal components of earlier poses (D,), which keep the conditioned Gaussian small.
+    """Access to earlier poses (D,), as leading principal components to keep the conditioned Gaussian small.
 
     Args:
         components: Orthonormal columns (D, C).
@@ -141,13 +141,13 @@ class LaggedPoses:
         return found
 
     def observed(self, history: LaggedHistory, time_s: float) -> Array:
-        """Return the components (L, C) of earlier solved poses, NaN where unknown."""
+        """Return the principal components (L, C) of earlier solved poses, NaN where unknown."""
         unknown = np.full(len(self._components), np.nan)
         earlier = history.before(time_s, self._earlier.lags_s)
         return np.array([unknown if each is None else each for each in earlier]) @ self._components
 
     def of_frames(self, frames: IntArray) -> FloatArray:
-        """Return the components (K, L, C) of earlier poses of database frames (K,)."""
+        """Return the principal components (K, L, C) of the poses before database frames (K,)."""
         earlier = self._earlier.of(frames)
         # SciPy's BLAS, because the NumPy of some Blender builds has a slow one; transposed arguments avoid copies
         projected = np.asarray(sgemm(1.0, self._components.T, self._poses.take(earlier.ravel(), axis=0).T)).T

@@ -1,4 +1,4 @@
-"""Search for the root and the closest database examples of a frame's markers."""
+"""Search for the root and the closest database examples that fit a frame's markers."""
 
 from typing import NamedTuple
 
@@ -15,15 +15,15 @@ from .search.sample import SampleSearch
 from .solution import Examples, SolverState
 from .subject_model import RootPose, SubjectModel
 
-_ROOT_PASSES = 2  # alternations: the root depends on the pose's torso markers, and the search on the root
-_FIRST_ROOT_PASSES = 4  # alternations at the start, when both are unknown
-_SAMPLE_PASSES = 3  # alternations with a sample of the database that come first if time is short
+_ROOT_PASSES = 2  # number of alternations: the root depends on the pose's torso markers, the search on the root
+_FIRST_ROOT_PASSES = 4  # number of alternations at the start, when both are unknown
+_SAMPLE_PASSES = 3  # number of alternations with a sample of the database, which come first if time is short
 _TORSO_EXAMPLES = 8  # number of closest examples to whose mean torso the root is fitted
-_SPARE_CANDIDATES = 2  # candidates kept per wanted example, to be ranked again with a better root
+_SPARE_CANDIDATES = 2  # number of candidates kept per example wanted, to be ranked again with a better root
 
 
 class Located(NamedTuple):
-    """Root, the closest examples for this root, and the frames from which the next search starts."""
+    """Root, closest examples for this root, and frames from which the next search starts."""
 
     root: RootPose
     examples: Examples
@@ -31,7 +31,7 @@ class Located(NamedTuple):
 
 
 class Locator:
-    """Finds root and examples alternately, each from the other.
+    """Finds root and examples in alternation, each from the other.
 
     Args:
         search: Index over all database frames.
@@ -52,7 +52,7 @@ class Locator:
         self._subject, self._markers, self._alpha = subject, markers, query_alpha
         self._search, self._sample = search, sample
         self._examples, self._pose_m_per_rad = method.examples, method.query_pose_m_per_rad
-        self._poses = np.asarray(database.poses).reshape(database.frames, -1)  # slices of a memory map are slow
+        self._poses = np.asarray(database.poses).reshape(database.frames, -1)  # slices of a memmap are slow
         own = database.own_frames(subject.skeleton, subject.subject.name)
         self._factors: Array | None = None
         if method.others_distance != 1.0 and own.any() and not own.all():
@@ -66,12 +66,13 @@ class Locator:
         return self._search.visited + self._sample.visited
 
     def locate(self, state: SolverState, observation: Observation, hurried: bool = False) -> Located | None:
-        """Return root, closest examples and the start for the next search; None if there is no root.
+        """Return root, closest examples and the start for the next search; None if the root cannot be found.
 
-        The first root is fitted to the torso of the continued pose, or else of the expected markers or a typical pose.
+        The first root is fitted with the torso of the continued pose or, failing that, of the expected markers or of a
+        typical pose.
 
         Args:
-            hurried: Only use the closest frames of the sample and their neighbours in time.
+            hurried: Use only the closest frames of the sample and their neighbours in time.
         """
         continued = state.continued_pose
         if continued is not None:
@@ -111,7 +112,7 @@ class Locator:
         # people move more like themselves than like others: prefer the subject's own frames
         if self._factors is not None:
             distances = np.maximum(distances, 0.0)
-            distances[1:] *= self._factors[frames[1:]]  # the closest stays first, because poses are judged by it
+            distances[1:] *= self._factors[frames[1:]]  # the closest stays first, because solutions are judged by it
             order = np.argsort(distances)
             frames, distances = frames[order], distances[order]
         chosen = frames[: self._examples]
@@ -131,6 +132,6 @@ class Locator:
 
 
 def _closest_mean(markers: DatabaseMarkers, frames: IntArray) -> Array:
-    """Return the mean markers (M, 3) of the closest few of ranked frames."""
+    """Return the mean markers (M, 3) of the first few of frames (K,), which are ranked by distance."""
     closest = markers.take(frames[:_TORSO_EXAMPLES]).astype(np.float64)
     return np.asarray(np.add.reduce(closest) / len(closest))

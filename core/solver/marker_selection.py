@@ -1,7 +1,7 @@
 """Selection of a few markers that best determine the body.
 
 The database's poses give a Gaussian of joints and markers in the root's frame, which itself moves freely. Markers are
-chosen greedily: each minimises the remaining variance of the joints in the world (Krause, Singh and Guestrin 2008).
+chosen greedily: each minimises the remaining variance of the joints' world positions (Krause, Singh and Guestrin 2008).
 """
 
 import contextlib
@@ -21,10 +21,10 @@ from ..markers.take_frames import is_unnamed
 from .subject_model import ROOT_AT_REST, SubjectModel
 
 _SAMPLES = 4096  # number of database poses used for the covariance
-_MARKER_SIGMA_M = 0.005  # standard deviation of a marker: skin motion and calibration
-_ROOT_SIGMA_M, _ROOT_SIGMA_RAD = 10.0, 3.0  # standard deviations of an unknown root
+_MARKER_SIGMA_M = 0.005  # standard deviation of a marker due to skin motion and calibration
+_ROOT_SIGMA_M, _ROOT_SIGMA_RAD = 10.0, 3.0  # standard deviations of a root that is unknown
 _TORSO = 4  # number of torso markers that determine the root reliably: two pairs, as in the paper's sets
-_PELVIS = 2  # number of these on the pelvis: with only one, a bent back looks like a turned root
+_PELVIS = 2  # number of these on the pelvis; with only one there, a bent back looks like a turned root
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,7 @@ class MarkerChoice:
     """Markers in the order in which they were chosen."""
 
     names: tuple[str, ...]
-    expected_m: Array  # (N,) expected RMS error of the joints with the first 1 to N markers
+    expected_m: Array  # (N,) expected RMS error of the joints with the first 1, 2, ..., N markers
 
 
 def choose_markers(
@@ -40,16 +40,17 @@ def choose_markers(
 ) -> MarkerChoice:
     """Return the markers of a subject that together best determine the body.
 
-    The first four are on the torso, two of these on the pelvis, if the subject wears as many there.
+    The first four are on the torso, and two of these on the pelvis, if there are that many.
 
     Args:
-        subject: Subject with all markers calibrated.
-        database: Motion of the kind to be solved.
+        subject: Subject for whom all markers are calibrated.
+        database: Database with motion of the kind to be solved.
         count: Number of markers.
         among: Names to choose from; by default all.
 
     Raises:
-        MarkerSetError: `count` is below three or above the number of markers, or fewer than three are on the torso.
+        MarkerSetError: `count` is below three or above the number of markers, or fewer than three of these are on the
+            torso.
     """
     markers = subject.marker_set.markers
     free = [i for i, marker in enumerate(markers) if among is None or marker.name in among]
@@ -89,9 +90,9 @@ def with_markers(subject: Subject, names: Sequence[str]) -> Subject:
 
 
 def worn_in(take: MarkerTake, subject: Subject) -> Subject:
-    """Return the subject with the markers that a take shows, however few are on the torso.
+    """Return the subject with only the markers that a take shows, however few of these are on the torso.
 
-    The subject is unchanged if the take's markers are not labelled, or fewer than three are on or next to the torso.
+    It is returned unchanged if the take's markers are not labelled, or if fewer than three are on or next to the torso.
     """
     if is_unnamed(take):
         return subject
@@ -103,7 +104,7 @@ def worn_in(take: MarkerTake, subject: Subject) -> Subject:
 
 
 def _covariance(subject: Subject, database: Database) -> Array:
-    """Return the covariance (3 J + 3 M, 3 J + 3 M) of joints and markers with a free root."""
+    """Return the covariance (3 J + 3 M, 3 J + 3 M) of the positions of joints and markers if the root is unknown."""
     frames = np.unique(np.linspace(0, database.frames - 1, _SAMPLES).astype(np.int64))
     model = SubjectModel(subject, database.reference_pose_of(subject.skeleton, subject.name))
     poses = np.asarray(database.poses[frames], dtype=np.float64)
@@ -119,13 +120,13 @@ def _covariance(subject: Subject, database: Database) -> Array:
 
 
 def _seen(covariance: Array, size: int, marker: int) -> tuple[Array, Array]:
-    """Return the covariances (N, 3) of all entries with a marker, and the covariance of its measurement (3, 3)."""
+    """Return the covariances (N, 3) of all entries with a marker, and the covariance (3, 3) of its measurement."""
     columns = slice(size + 3 * marker, size + 3 * marker + 3)
     return covariance[:, columns], covariance[columns, columns] + _MARKER_SIGMA_M**2 * np.eye(3)
 
 
 def _gain(covariance: Array, size: int, marker: int) -> float:
-    """Return the reduction of the joints' variance by a marker, m^2."""
+    """Return by how much a marker reduces the variance of the joints, m^2."""
     across, own = _seen(covariance, size, marker)
     return float(np.einsum("ij,ij->", np.linalg.solve(own, across[:size].T).T, across[:size]))
 

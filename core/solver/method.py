@@ -22,11 +22,12 @@ class Method(Protocol):
     """A method prepared for one subject and one database.
 
     Attributes:
-        examples: Number of closest examples to search.
-        fits_markers: Whether its poses are fitted to the markers.
-        query_pose_m_per_rad: Marker distance that counts as much as a radian of pose in its search.
-        others_distance: Factor for the distances of other bodies' frames if the database contains the subject's.
-        longest_s: Longest lag of earlier markers and solved poses.
+        examples: Number of closest examples that are searched for it.
+        fits_markers: Whether the method fits poses to the markers.
+        query_pose_m_per_rad: Marker distance that counts as much as a radian of pose in the search, metres.
+        others_distance: Factor of the squared distances of other bodies' frames if the database contains frames of the
+            subject.
+        longest_s: Longest lag at which the method uses earlier markers or poses; 0 if it uses none.
     """
 
     examples: int

@@ -1,4 +1,4 @@
-"""Creation of methods and searches by name."""
+"""Creation of solving methods and search methods by name."""
 
 import numpy as np
 
@@ -18,7 +18,7 @@ from .subject_model import SubjectModel
 def choose_method(
     settings: SolveSettings, subject: SubjectModel, database: Database, markers: DatabaseMarkers
 ) -> Method:
-    """Return the method that the settings name."""
+    """Return the solving method that the settings name."""
     if settings.method == "best":
         return BestMethod(settings.best, settings.query_alpha, subject, database, markers)
     if settings.method == "local-pca":
@@ -29,7 +29,7 @@ def choose_method(
 
 
 def choose_search(name: str, database: Database, markers: DatabaseMarkers) -> Search:
-    """Return the search with a name.
+    """Return the search method that a name stands for.
 
     Args:
         name: "exhaustive", "graph" (the paper's), "cells" (inverted file) or "auto", which means "cells".

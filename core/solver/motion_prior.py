@@ -2,7 +2,8 @@
 
 A small network, trained by `tools/train_prior.py` on recorded motion with random bodies and marker sets. Each marker
 passes through one layer with its joint's weights; the results are summed over each part of the body; three layers
-follow. All inputs are relative to a body frame fitted to the torso markers, so position and heading do not matter.
+follow. All inputs are relative to a body frame that is fitted to the torso markers, so position and heading do not
+matter.
 """
 
 import json
@@ -27,18 +28,18 @@ from .root import root_from_torso
 from .subject_model import RootPose, SubjectModel, exponential_and_right_jacobian
 
 VERSION = 1
-_OFFSET_SCALE = 10.0  # brings offsets (centimetres) to the range of the other inputs (decimetres to metres)
-_LAG_FLOOR_S = 0.03  # added to a lag when movements are divided by it
-_BY_ONE_CAMERA = 0.5  # certainty of a marker on a ray, whose depth is a guess
-_FASTEST_M_S = 12.0  # speed above which an earlier position does not count: there was a cut, or the label changed
-LOG_SIGMAS, FARTHEST = (-5.0, 2.0), 10.0  # limits on the log standard deviations and the means of the scaled outputs
+_OFFSET_SCALE = 10.0  # factor of offsets, to bring centimetres to the range of the other inputs (decimetres to metres)
+_LAG_FLOOR_S = 0.03  # added to a lag by which movements are divided
+_BY_ONE_CAMERA = 0.5  # input for a marker on a ray, whose depth is a guess, in place of 1 for a located one
+_FASTEST_M_S = 12.0  # speed above which an earlier position is ignored: there was a cut, or the label changed
+LOG_SIGMAS, FARTHEST = (-5.0, 2.0), 10.0  # limits of the scaled outputs' log standard deviations, and of their means
 _ROOT = 6  # number of outputs for the root: rotation, position
 WEIGHTS = ("marker_weights", "marker_biases", "weights", "biases", "first_weights", "output_weights", "output_biases")
 
 
 @dataclass(frozen=True)
 class PriorEstimate:
-    """Gaussian of a pose, and the root with its standard deviations (m, rad)."""
+    """Estimate of the learned prior: Gaussian of a pose, and the root with its standard deviations (m, rad)."""
 
     pose: Prior
     root: RootPose
@@ -49,9 +50,9 @@ class PriorEstimate:
 class Network:
     """A trained network: F features and H hidden units per marker, P body parts, W units per layer, O outputs."""
 
-    lags_s: Array  # ascending lags of the markers, the first 0
-    mean_rotations: Array  # (J, 4) rotations that its poses are relative to
-    part_of_joint: IntArray  # (J,) part in which a joint's markers are summed
+    lags_s: Array  # ascending lags of the markers; the first is 0
+    mean_rotations: Array  # (J, 4) rotations to which its poses are relative
+    part_of_joint: IntArray  # (J,) part of the body in which the markers of each joint are summed
     bones: FloatArray  # (2, J - 1) mean and scale of the bone lengths
     marker_weights: FloatArray  # (J, F, H)
     marker_biases: FloatArray  # (J, H)
@@ -62,7 +63,7 @@ class Network:
     output_biases: FloatArray  # (2 O,)
     outputs: FloatArray  # (2, O) mean and scale of the outputs
     correlation: Array  # (O, O) of the errors for people who are not in the training data
-    spread: Array  # (2, O) factors of the standard deviations for such people, and their smallest values
+    spread: Array  # (2, O) factors and smallest values of the standard deviations for such people
     facts: dict[str, Any]  # facts about its training
 
 
@@ -107,7 +108,7 @@ def _fits(network: Network) -> bool:
 
 @dataclass(frozen=True)
 class RecentMarkers:
-    """Markers of a frame and of earlier frames."""
+    """Markers of the current frame and of earlier frames."""
 
     points_m: Array  # (L, M, 3) in the world at each lag, NaN where not located
     single: Mask  # (M,) markers seen by one camera: their current points are guesses along its rays
@@ -117,8 +118,8 @@ class MotionPrior:
     """A network prepared for one subject.
 
     Args:
-        subject: Body with the reference pose that its poses are relative to.
-        common_reference_pose: Reference pose (J, 4) of the database, the only one that the network was trained with.
+        subject: Body, with the reference pose to which its poses are relative.
+        common_reference_pose: Reference pose (J, 4) of the database; the network was trained with this one only.
     """
 
     def __init__(self, network: Network, subject: SubjectModel, common_reference_pose: Array) -> None:
@@ -127,7 +128,7 @@ class MotionPrior:
         self._body = SubjectModel(subject.subject, rot.multiply(network.mean_rotations, turn))
         joints = subject.joints
         self._offsets_m = rot.rotate(turn[joints], subject.offsets_m)
-        # factors that turn the network's joint rotations into ones relative to the subject's reference pose
+        # factors that convert the network's joint rotations to ones relative to the subject's reference pose
         self._back = rot.to_matrix(rot.conjugate(turn[1:]))
         before = rot.multiply(rot.conjugate(subject.mean_rotations), network.mean_rotations)[1:, None]
         self._change = rot.multiply(rot.multiply(before, np.eye(4)), turn[1:, None]).swapaxes(-1, -2)
@@ -146,14 +147,14 @@ class MotionPrior:
 
     @property
     def lags_s(self) -> tuple[float, ...]:
-        """Ascending lags, starting with 0."""
+        """Ascending lags of the markers, starting with 0."""
         return tuple(self._network.lags_s.tolist())
 
     def recent(self, observation: Observation, observed: LaggedHistory, time_s: float) -> RecentMarkers:
         """Return the markers of this frame and of earlier frames.
 
         Args:
-            observation: Observation, with back-projected single-camera markers if these are to count.
+            observation: Observation, in which single-camera markers are back-projected if they are to be used.
         """
         unknown = np.full_like(observation.points_m, np.nan)
         earlier = observed.before(time_s, self.lags_s[1:])
@@ -161,7 +162,7 @@ class MotionPrior:
         return RecentMarkers(points_m, observation.cameras >= 0)
 
     def estimate(self, recent: RecentMarkers, root: RootPose) -> PriorEstimate:
-        """Return the Gaussian expected for current and earlier markers.
+        """Return the estimate for current and earlier markers.
 
         Args:
             root: Root to use if too few torso markers are located.
@@ -169,7 +170,7 @@ class MotionPrior:
         return self._estimates([recent], [self._frame(recent, root) or root])[0]
 
     def estimate_all(self, recent: Sequence[RecentMarkers]) -> list[PriorEstimate | None]:
-        """Return the Gaussians of many frames together; None where too few torso markers are located."""
+        """Return the estimates for many frames, computed together; None where too few torso markers are located."""
         frames = [self._frame(each, None) for each in recent]
         known = [(each, frame) for each, frame in zip(recent, frames, strict=True) if frame]
         if not known:
@@ -178,11 +179,11 @@ class MotionPrior:
         return [next(found) if frame else None for frame in frames]
 
     def _frame(self, recent: RecentMarkers, root: RootPose | None) -> RootPose | None:
-        """Return the body frame fitted to the torso markers; if too few are located, `root` shifted to the markers."""
+        """Return the body frame fitted to the torso markers; if too few are located, `root` shifted to all markers."""
         return root_from_torso(Observation.of_points(recent.points_m[0]), self._rest, self._body, root)
 
     def _estimates(self, recent: Sequence[RecentMarkers], frames: Sequence[RootPose]) -> list[PriorEstimate]:
-        """Return the Gaussians for given body frames."""
+        """Return the estimates for recent markers and the body frames fitted to them."""
         in_frames = np.array([frame.to_root_frame(each.points_m) for each, frame in zip(recent, frames, strict=True)])
         single = np.array([each.single for each in recent])
         rest = np.broadcast_to(self._rest, (len(frames), *self._rest.shape))
@@ -217,7 +218,7 @@ class MotionPrior:
         return offset + scale * mean.astype(np.float64), sigma
 
     def _relative_to_subject(self, poses: Array, sigmas: Array) -> list[Prior]:
-        """Return Gaussians of the network's poses (N, D) relative to the subject's reference pose."""
+        """Return the network's Gaussians, means and sigmas (N, D), relative to the subject's reference pose."""
         vectors = poses.reshape(len(poses), -1, 3)
         moved = rot.to_rotation_vector((self._change @ rot.from_rotation_vector(vectors)[..., None])[..., 0])
         before, after = exponential_and_right_jacobian(np.array((vectors, moved)))[1]
@@ -259,4 +260,4 @@ def marker_features(points_m: Array, single: Mask, rest_m: Array, offsets_m: Arr
 
 
 def _silu(x: FloatArray) -> FloatArray:
-    return 0.5 * x * (1.0 + np.tanh(0.5 * x))  # in a form that cannot overflow
+    return 0.5 * x * (1.0 + np.tanh(0.5 * x))  # the sigmoid in a form that cannot overflow

@@ -14,14 +14,14 @@ class Observation:
     """Markers of a marker set in one frame."""
 
     points_m: Array  # (M, 3) world positions, NaN where a marker was not located
-    cameras: IntArray  # (M,) index of the only camera that saw the marker, -1 if none did or it was located
+    cameras: IntArray  # (M,) index of the only camera that saw the marker; -1 if none did or the marker was located
     image_points: Array  # (M, 2) undistorted normalised coordinates in that camera, NaN elsewhere
     rig: tuple[Camera, ...] = ()  # cameras to which `cameras` refers
     noise_m: Array | None = None  # (M,) standard deviations of the positions' coordinates; None if exact
 
     @classmethod
     def of_points(cls, points_m: Array, noise_m: Array | None = None) -> "Observation":
-        """Return an observation with located markers only."""
+        """Return an observation of located markers only."""
         count = len(points_m)
         return cls(points_m, np.full(count, -1, dtype=np.int64), np.full((count, 2), np.nan), noise_m=noise_m)
 
@@ -33,7 +33,8 @@ class Observation:
     def back_projected(self, markers_m: Array) -> "Observation":
         """Return the observation with single-camera markers on their rays, as close as possible to markers (M, 3).
 
-        Root and search use these points; the pose is fitted to the rays, because the error lies along them.
+        Root and search use these points. The pose is fitted to the rays themselves, because the error of the points
+        lies along the rays.
         """
         if not self.single.any():
             return self
@@ -71,7 +72,7 @@ class Observation:
 
 
 def control_residual(observation: Observation, markers_m: Array) -> Array:
-    """Return the differences of the markers from the observation (Eq. 7), metres.
+    """Return the differences of markers (M, 3) from the observation (Eq. 7), metres.
 
     There are three rows for each located marker, then two for the distance of each single-camera marker from its ray.
     """

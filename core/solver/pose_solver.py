@@ -25,10 +25,10 @@ from .solution import Examples, Solution, SolverState
 from .subject_model import RootPose, SubjectModel
 from .trajectory_check import INTERVAL_S, PROVEN, TrajectoryCheck
 
-_JUMP_M = 0.07  # RMS movement of the markers between two frames above which the history may mislead
-_CUT_M = 0.3  # RMS movement above which the history belongs to another motion: nobody moves all limbs so fast
+_JUMP_M = 0.07  # RMS movement of the markers between two frames above which history may mislead
+_CUT_M = 0.3  # RMS movement above which history is of another motion, because nobody moves all limbs so fast
 _RETRY_S = 0.04  # pause after a failed re-initialisation
-_NEARER = 0.6  # share of the distance to the closest example below which a re-initialised pose replaces the other
+_NEARER = 0.6  # distance to the closest example, relative to the current pose's, below which a new pose replaces it
 
 
 class PoseSolver:
@@ -63,7 +63,7 @@ class PoseSolver:
         return self._locator.visited
 
     def backwards(self) -> "PoseSolver":
-        """Return a solver for the time-reversed take, with the method "best"."""
+        """Return a solver for the time-reversed take; this needs the method "best"."""
         found = copy(self)
         found._method = self.best.backwards()
         found._trajectory_check = self._trajectory_check.backwards() if self._trajectory_check else None
@@ -71,13 +71,13 @@ class PoseSolver:
 
     @property
     def best(self) -> BestMethod:
-        """The method "best", the only one that can be reversed in time."""
+        """The method, if it is "best", the only one that can be reversed in time."""
         if not isinstance(self._method, BestMethod):
             raise TypeError(f"the method {self.settings.method!r} cannot be reversed in time; use 'best'")
         return self._method
 
     def begin_at_torso(self, solution: Solution) -> SolverState:
-        """Return a state without history that keeps a solution's root and expected markers."""
+        """Return a state without history, except for a solution's root and markers."""
         return replace(self.initial_state, root=solution.root, markers_m=solution.markers_m)
 
     def closest_m(self, state: SolverState, observation: Observation) -> float:
@@ -87,7 +87,7 @@ class PoseSolver:
         return _nearest_distance(in_space, *located[:2]) if located is not None else float("nan")
 
     def negative_log_likelihood(self, state: SolverState) -> float:
-        """Return the negative log density (m) of the last markers; 0 for methods other than "best"."""
+        """Return the negative log density of the last markers, for metres; 0 for methods other than "best"."""
         return 0.0 if state.expectation is None else state.expectation.negative_log_likelihood(self.subject)
 
     def step(
@@ -102,15 +102,15 @@ class PoseSolver:
         """Return the pose of the next frame and the state after it.
 
         Args:
-            state: State after the last frame, or the initial one. For a first frame with only rays, it can contain the
+            state: State after the last frame, or the initial one. For a first frame with only rays, it can contain
                 expected markers.
-            time_s: Time of the frame; by default one frame of the database after the last.
+            time_s: Time of the frame; by default one frame interval of the database after the last.
             hurried: The frame was already expensive, so a first frame's pose is not refined.
-            limit_m: RMS distance of the markers from the closest example at or above which a first frame is not solved.
-            learned: Learned prior, if known (see `BestMethod.learned_priors`).
+            limit_m: RMS distance of the markers from the closest example from which on a first frame is not solved.
+            learned: Learned prior, if it was computed before (see `BestMethod.learned_priors`).
 
         Returns:
-            No pose until enough torso markers show where the body is.
+            No pose while too few torso markers are visible to find the body.
         """
         state = replace(state, time_s=state.time_s + self._frame_s if time_s is None else time_s, learned=learned)
         if state.pose is None:
@@ -131,14 +131,14 @@ class PoseSolver:
     def reinitialise(
         self, state: SolverState, observation: Observation, solution: Solution, after: SolverState, reason: NoteKind
     ) -> tuple[Solution, SolverState]:
-        """Return the pose solved without history if it is nearer to the database.
+        """Return the pose solved without history if that is nearer to the database, otherwise the given one.
 
         Args:
             state: State before the frame, with the frame's time.
-            solution: Solution with history, returned if it is better.
+            solution: Solution with history, which is returned if it is better.
             after: State after that solution.
-            reason: Why the history may mislead. After a cut it is dropped if the pose without it is nearer, otherwise
-                only if that pose is much nearer.
+            reason: Why history may mislead. After a cut, the pose without history is used if it is nearer, otherwise
+                only if it is much nearer.
         """
         fresh = replace(self.initial_state, root=state.root, time_s=state.time_s, learned=state.learned)
         seen = observation.located
@@ -157,7 +157,7 @@ class PoseSolver:
         solution: Solution,
         state: SolverState,
     ) -> tuple[Solution, SolverState]:
-        """Return the pose solved without earlier poses if these are proven wrong."""
+        """Return the pose solved without earlier poses if there is enough evidence that these are wrong."""
         in_space = self._in_space(before, observation)
         if state.found is None:
             return solution, state
@@ -174,9 +174,9 @@ class PoseSolver:
     def _begin(
         self, state: SolverState, observation: Observation, hurried: bool, limit_m: float
     ) -> tuple[Solution | None, SolverState]:
-        """Return the pose of a first frame and the state after it.
+        """Return the pose of a first frame, or None, and the state after it.
 
-        The pose is solved twice unless hurried: the second time with the torso and the neighbours of its own pose.
+        Unless hurried, the pose is solved twice, the second time with the torso and the neighbours of the first pose.
         """
         in_space = self._in_space(state, observation)
         located = self._locator.locate(state, in_space, hurried)
@@ -189,10 +189,10 @@ class PoseSolver:
     def _reason_to_reinitialise(
         self, state: SolverState, observation: Observation, solution: Solution
     ) -> NoteKind | None:
-        """Return why the history may mislead, or None if it does not."""
+        """Return why history may mislead, or None if there is no sign that it does."""
         waits = state.time_s - state.reinitialise_failed_s < _RETRY_S
         if state.root is None or state.markers_m is None or waits or not self._method.fits_markers:
-            return None  # also for methods that do not fit markers: their distance is always the example's
+            return None  # methods that do not fit markers are always as far from the markers as the example
         seen = observation.located
         before_m = state.root.to_root_frame(state.markers_m[seen])
         jump_m = _rms(solution.root.to_root_frame(observation.points_m[seen]) - before_m)
@@ -209,7 +209,7 @@ class PoseSolver:
         return (None, state) if located is None else self._estimate(state, observation, located)
 
     def _estimate(self, state: SolverState, observation: Observation, located: Located) -> tuple[Solution, SolverState]:
-        """Return the pose for root and examples, and the state after it."""
+        """Return the pose for a root and examples, and the state after it."""
         root, examples, found = located
         estimate = self._method.estimate(FrameProblem(state, observation, root, examples))
         pose = estimate.pose.reshape(-1, 3)
@@ -247,5 +247,5 @@ def _nearest_distance(observation: Observation, root: RootPose, examples: Exampl
 
 
 def _rms(differences_m: Array) -> float:
-    """Return the RMS length of differences (N, 3), 0 if there are none."""
+    """Return the RMS length of differences (N, 3), 0 for none."""
     return math.sqrt(float(np.vdot(differences_m, differences_m)) / max(len(differences_m), 1))

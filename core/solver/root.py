@@ -16,9 +16,10 @@ def root_from_torso(
     subject: SubjectModel,
     previous: RootPose | None,
 ) -> RootPose | None:
-    """Return the root that moves the pose's torso markers onto the observed ones.
+    """Return the root that best moves the torso markers of a pose onto the observed ones.
 
-    With fewer than three torso markers the previous root is shifted; without a previous root, None is returned.
+    With fewer than three observed torso markers, the previous root is shifted to the markers; without a previous root,
+    None is returned.
 
     Args:
         local_markers_m: Markers (M, 3) of the assumed pose in the root's frame.

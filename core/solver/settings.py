@@ -68,8 +68,8 @@ class BestSettings:
     """Settings of "best", see `gaussian_conditioning`.
 
     Frames of other bodies count as farther away by the factor `others_distance`, because people move more like
-    themselves. The known_ settings are for a body in the database, in frames that locate a marker: its neighbours are
-    closer.
+    themselves. The settings known_... are for a body that is in the database, in frames that locate a marker:
+    neighbours of such a body are closer.
     """
 
     neighbours: Annotated[int, About("number of neighbours, K", "", 1)] = 300
@@ -188,7 +188,7 @@ _GROUPS: dict[str, Callable[..., Any]] = {
 
 
 def _stored_keys() -> dict[str, list[tuple[str, str, Callable[[Any], Any]]]]:
-    """Return the group, field and conversion of each key of a stored table.
+    """Return the group, the field and the conversion of each key in a stored table.
 
     Stored tables have no groups.
     """

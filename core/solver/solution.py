@@ -31,10 +31,10 @@ class Solution:
     dimensions: int  # number of dimensions, B, of the local model
     nearest_m: float  # RMS distance of the observed markers from those of the closest example; NaN without markers
     iterations: int  # steps of Levenberg-Marquardt or Gauss-Newton
-    sigmas_rad: Array | None = None  # (J - 1, 3) uncalibrated standard deviations; None for methods other than "best"
+    sigmas_rad: Array | None = None  # (J - 1, 3) standard deviations, uncalibrated; None for methods other than "best"
     prior_led: bool = False  # the learned prior had more weight than the neighbours
     reinitialised: bool = False  # the pose was also solved without history, which is expensive
-    begun: NoteKind | None = None  # why the pose without history was taken
+    begun: NoteKind | None = None  # why the pose without history was used
 
 
 @dataclass(frozen=True)
@@ -45,18 +45,18 @@ class SolverState:
     """
 
     time_s: float = 0.0  # time of the last frame
-    learned: PriorEstimate | None = None  # learned prior for the last frame's markers, if it was given
+    learned: PriorEstimate | None = None  # learned prior for the last frame, if it was given
     root: RootPose | None = None  # root of the last frame
-    markers_m: Array | None = None  # (M, 3) expected in the world, from the last solution
+    markers_m: Array | None = None  # (M, 3) markers expected in the world, from the last solution
     pose: Array | None = None  # (D,) pose of the last frame
     previous_pose: Array | None = None  # (D,) pose of the frame before
-    found: IntArray | None = None  # frames of the last search, from which the next may start
+    found: IntArray | None = None  # frames found by the last search, from which the next may start
     observed: LaggedHistory = field(default_factory=LaggedHistory)  # earlier observed markers
     solved: LaggedHistory = field(default_factory=LaggedHistory)  # earlier solved poses
     reinitialise_failed_s: float = float("-inf")  # time of the last failed re-initialisation
     compared_s: float = float("-inf")  # time of the last comparison with the whole database
     evidence: float = 0.0  # evidence against the current trajectory, see `TrajectoryCheck`
-    expectation: Expectation | None = None  # markers expected in the last frame, for the method "best"
+    expectation: Expectation | None = None  # prior for the last frame, with its markers; for the method "best"
 
     @property
     def continued_pose(self) -> Array | None:

@@ -38,12 +38,12 @@ class RootPose:
 
 
 _UNIT = np.eye(3)
-_SMALLEST_RAD = 1e-5  # angle that replaces smaller ones in the divisions below, changing the result by less than 1e-11
+_SMALLEST_RAD = 1e-5  # replaces smaller angles in the divisions below, which changes the results by less than 1e-11
 ROOT_AT_REST = RootPose(rot.identity(), np.zeros(3))
 
 
 class SubjectModel:
-    """Markers of a subject from poses (J - 1, 3) relative to a database's mean."""
+    """Model of a subject's markers in poses (J - 1, 3), which are relative to a reference pose."""
 
     def __init__(self, subject: Subject, mean_rotations: Array) -> None:
         if subject.skeleton.names != JOINT_NAMES:
@@ -56,14 +56,14 @@ class SubjectModel:
         self.joints = subject.marker_set.joint_indices(self.skeleton)
         self.offsets_m = subject.marker_set.offsets_m
         self.torso = subject.marker_set.torso
-        self._body, self._carrying = self.skeleton.carrying(self.joints)  # the other joints do not move any marker
+        self._body, self._carrying = self.skeleton.carrying(self.joints)  # other joints do not move markers
         self._carriers = np.argmax(self._carrying == self.joints[:, None], axis=1)
         self._moving = self.skeleton.is_ancestor[self.joints]
         self._columns = np.concatenate(([0], 1 + self._carrying))
         self._mean_matrices = rot.to_matrix(mean_rotations)[self._carrying[1:]]
 
     def hidden_joints(self, seen: Mask) -> Mask:
-        """Return a mask (J - 1,) of the joints that move only hidden markers.
+        """Return a mask (J - 1,) of the joints that move no visible marker.
 
         Args:
             seen: Mask (M,) of markers that are not hidden.
@@ -101,7 +101,7 @@ class SubjectModel:
         return markers, jacobian.reshape(*markers.shape, -1)
 
     def _posed(self, turns: Array, root: RootPose) -> tuple[Array, Array, Array]:
-        """Return markers, and positions and world matrices of the joints that carry them."""
+        """Return markers, and the positions and world matrices of the joints that move them."""
         local = np.empty((*turns.shape[:-3], len(self._body), 3, 3))
         local[..., 0, :, :] = root.matrix
         local[..., 1:, :, :] = self._mean_matrices @ turns
@@ -110,7 +110,7 @@ class SubjectModel:
         return positions.take(self._carriers, axis=-2) + turned[..., 0], positions, world
 
     def database_markers(self, database: Database, frames: Any = slice(None)) -> FloatArray:
-        """Return c_n (F, M, 3) float32 of Eq. 1, with the root at rest."""
+        """Return the markers c_n (F, M, 3) of Eq. 1, float32, with the root at rest."""
         poses = database.poses[frames]
         return markers_at_rest(self.skeleton, self.joints, self.offsets_m, self.mean_rotations, poses)
 
@@ -118,7 +118,7 @@ class SubjectModel:
 def exponential_and_right_jacobian(vectors: Array) -> tuple[Array, Array]:
     """Return exp(v) (..., 3, 3) and its right Jacobian (Sola 2018, Eq. 143).
 
-    Both are linear combinations of the identity, the cross-product matrix of v, and v v'.
+    Both are linear combinations of the identity, the cross-product matrix of v, and v v^T.
     """
     angle2 = np.add.reduce(vectors * vectors, axis=-1)[..., None, None]
     angle = np.maximum(np.sqrt(angle2), _SMALLEST_RAD)

@@ -1,8 +1,8 @@
-"""Check whether other parts of the database explain the recent markers better than the current examples.
+"""Check of whether other parts of the database explain the recent markers better than the current examples.
 
 Examples are searched near the motion so far, so a wrong start can persist for seconds even if all markers are
-explained. From time to time the recent markers are compared with a sample of the whole database: on a
-correct trajectory few frames are nearer than the current examples, on a wrong one some always are.
+explained. From time to time the recent markers are compared with a sample of the whole database. On a correct
+trajectory, frames are rarely nearer than the current examples; on a wrong one, some always are.
 """
 
 from copy import copy
@@ -18,13 +18,13 @@ from .search.sample import SampleSearch
 from .solution import SolverState
 from .subject_model import RootPose
 
-INTERVAL_S = 0.1  # pause between two comparisons
-PROVEN = 0.5  # evidence above which another trajectory is accepted, nats
-_USUAL = 0.85  # nearest frame's distance on a correct trajectory, relative to the nearest example's
+INTERVAL_S = 0.1  # time between two comparisons
+PROVEN = 0.5  # evidence above which the current trajectory is abandoned, nats
+_USUAL = 0.85  # typical distance of the nearest frame relative to the nearest example's, on a correct trajectory
 _NEAREST = 24  # number of sample frames that are compared together with their neighbours in time
-_PER_SAMPLE = 16  # neighbours of each that are compared at first, evenly spaced; around the nearest ones all are
-_BESIDE = 8  # number of these nearest ones
-_EXAMPLES = 64  # number of current examples compared
+_PER_SAMPLE = 16  # number of evenly spaced neighbours of each compared at first; all are around the nearest
+_BESIDE = 8  # number of nearest frames around which all frames are compared
+_EXAMPLES = 64  # number of current examples that are compared
 
 
 class TrajectoryCheck:
@@ -32,7 +32,7 @@ class TrajectoryCheck:
 
     def __init__(self, sample: SampleSearch, markers: DatabaseMarkers, earlier: LaggedMarkers) -> None:
         self._sample, self._markers, self._earlier = sample, markers, earlier
-        # successive frames are alike: all of them are compared only where some are near
+        # successive frames are alike, so all of them are compared only where some are near
         self._apart = max(1, sample.step // _PER_SAMPLE)
 
     def backwards(self) -> "TrajectoryCheck":
@@ -47,7 +47,7 @@ class TrajectoryCheck:
         Args:
             state: State before the frame, with the frame's time.
             root: Solved root.
-            examples: Frames (K,) near the motion so far, nearest first.
+            examples: Database frames (K,) near the motion so far, nearest first.
         """
         query = Query(root.to_root_frame(observation.points_m), None, 1.0, 0.0)
         free = self._sample.around(self._sample.nearest(query, _NEAREST), apart=self._apart)
@@ -62,9 +62,9 @@ class TrajectoryCheck:
         return max(state.evidence + float(np.log(_USUAL / share)), 0.0)
 
     def _distances(self, state: SolverState, observation: Observation, root: RootPose, frames: IntArray) -> Array:
-        """Return squared distances (2, K), m^2, of current and earlier markers from database frames.
+        """Return the squared distances (2, K), m^2, of current and earlier markers from database frames (K,).
 
-        The second row compares earlier markers relative to their mean, for bodies on a treadmill.
+        In the second row, earlier markers are compared relative to their mean, for bodies on a treadmill.
         """
         seen = observation.located
         now = root.to_root_frame(observation.points_m[seen])

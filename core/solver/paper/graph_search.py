@@ -1,10 +1,10 @@
 """The paper's graph search (section 5.1), extended so that it can leave the last frame's neighbourhood.
 
 The paper only searches the last frame's neighbours and their neighbours in the graph of Eq. 4, so it never notices
-similar motion elsewhere in the database. Here the graph is followed from the closest frames for as long
-as this finds closer ones (in the manner of Malkov and Yashunin 2018), and representatives (one frame of each cluster
-of poses) are visited in every frame, too, more of them if nothing in the database is very close. For the first frame
-all representatives are searched. The cost of a search is bounded.
+similar motion elsewhere in the database. Here the graph is followed from the closest frames for as long as closer ones
+are found (in the manner of Malkov and Yashunin 2018). In addition, representatives (one frame of each cluster of poses)
+are visited for every frame, and more of them if nothing in the database is very close. For the first frame all
+representatives are searched. The cost of a search is bounded.
 """
 
 import numpy as np
@@ -15,13 +15,13 @@ from ...geometry.arrays import Array, FloatArray, IntArray, Mask
 from ..search.exhaustive import ExhaustiveSearch, Query, closest
 from .neighbour_graph import NeighbourGraph, weigh_poses
 
-_VISITED = 6.0  # frames visited per frame wanted, in addition to the first representatives
-_EXPANDED = 0.15  # share of the frames wanted that are expanded at once
-_STEPS = 3  # steps from a representative to closer and closer frames
-_BEAM, _START_BEAM = 2, 128  # frames expanded in each such step, in later frames and in the first
-_IDLE = 3  # successive expansions without a closer frame after which the graph is abandoned
+_VISITED = 6.0  # number of frames visited per frame wanted, in addition to the first representatives
+_EXPANDED = 0.15  # number of frames expanded at once, as a share of the frames wanted
+_STEPS = 3  # number of steps from a representative to its neighbours, and so on
+_BEAM, _START_BEAM = 2, 128  # number of frames expanded in each such step, for later frames and for the first
+_IDLE = 3  # number of successive expansions without closer frames after which the graph is not followed further
 _PROMISING = 2.0  # distance up to which a representative is followed, relative to the median of the frames found last
-_SAMPLED = 16  # frames of a cluster from which the most central is chosen to represent it
+_SAMPLED = 16  # number of frames of a cluster from which the most central one is chosen to represent it
 
 
 class GraphSearch:
@@ -69,13 +69,13 @@ class GraphSearch:
         return self._frames.nearest_among(query, candidates)
 
     def _enter(self, visit: "_Visit", representatives: IntArray, limit: float) -> None:
-        """Visit representatives, and follow the graph from those that are near."""
+        """Visit representatives, and descend from those that are near."""
         representatives, distances = visit.add(representatives)
         near = distances < limit
         self._descend(visit, representatives[near], distances[near], _BEAM)
 
     def _descend(self, visit: "_Visit", frames: IntArray, distances: FloatArray, beam: int) -> None:
-        """Visit the neighbours of the closest frames, then the neighbours of those."""
+        """Visit the neighbours of the closest frames, then the neighbours of the closest of those, and so on."""
         for _ in range(_STEPS):
             if len(frames) == 0:
                 return
@@ -87,7 +87,7 @@ class GraphSearch:
 
         Args:
             groups: Representatives to visit when the graph leads no closer.
-            limit: Distance up to which representatives are followed.
+            limit: Distance up to which the graph is followed from representatives.
             most: Largest number of visited frames.
         """
         followed: list[IntArray] = []
@@ -120,7 +120,7 @@ class _Visit:
     """Frames visited for one query, without duplicates, and the closest of them.
 
     Args:
-        seen: Mask (F,) that is false everywhere, and is cleared again by `end`.
+        seen: Mask (F,) that is false everywhere; frames visited are set in it until `end` clears it.
         wanted: Number of closest frames to keep.
     """
 
@@ -162,7 +162,7 @@ class _Visit:
 
 
 class _ClusterRepresentatives:
-    """One frame from every cluster of poses, in groups of similar ones.
+    """Representative frames, one from every cluster of poses, in groups of similar ones.
 
     Args:
         poses: Poses (F, D) of the database frames.

@@ -6,14 +6,14 @@ import numpy as np
 
 from ...geometry.arrays import Array, IntArray, Mask
 
-_VARIANCE_FLOOR = 1e-8  # smallest variance, rad^2: where the neighbours agree, no direction is infinitely stiff
-_VALIDATION_DIRECTIONS = 32  # principal directions used in the cross-validation, which contain nearly all variance
-_FEWEST_KEPT = 8  # fewest neighbours that give a model
+_VARIANCE_FLOOR = 1e-8  # smallest variance, rad^2, so that directions in which neighbours agree are not rigid
+_VALIDATION_DIRECTIONS = 32  # number of principal directions used in the cross-validation: nearly all variance
+_FEWEST_KEPT = 8  # fewest neighbours from which a model is made
 
 
 @dataclass(frozen=True)
 class LocalModel:
-    """Model q = mean + basis w, with the variances of w among the neighbours."""
+    """Linear model of a pose, q = mean + basis w, with the variances of w among the neighbours."""
 
     mean: Array  # (D,) p_t in Eq. 3
     basis: Array  # (D, B) U_t, orthonormal columns
@@ -36,7 +36,7 @@ class LocalModel:
 
 @dataclass(frozen=True)
 class Validation:
-    """Model with the best K and B; mean squared errors (K, B), rad^2, inf if not tried."""
+    """Model with the best K and B, and the mean squared errors, rad^2, of all candidates (K, B), inf if not tried."""
 
     model: LocalModel
     scores: Array
@@ -67,17 +67,17 @@ def cross_validate(
     marker_variance_m2: float,
     examples: int,
 ) -> Validation:
-    """Choose K and B by leave-one-out cross-validation with the examples closest to the query.
+    """Choose K and B by cross-validation with the examples closest to the query.
 
-    Each is left out with its whole clip, because a frame's neighbours in its own clip are near copies of it. For each K
-    the model is learned without the clip; each left-out example is then reconstructed for every B from its markers,
+    Each example is left out with its whole clip, because a frame's neighbours in its own clip are near copies of it.
+    For each K the model is learned without the clip; the example is then reconstructed from its markers for every B,
     with the prior of Eq. 6 and the control term of Eq. 7 in their linear form (markers as a linear function of the
     weights, by least squares).
 
     Args:
         poses: Neighbours (K_max, D), closest first.
-        markers: Their marker coordinates (K_max, m), metres.
-        groups: Group (K_max,) of each; a group is left out as a whole.
+        markers: Marker coordinates (K_max, m) of the neighbours, metres.
+        groups: Group (K_max,) of each neighbour; a group is left out as a whole.
         neighbours: Ascending candidates for K.
         dimensions: Ascending candidates for B.
         marker_variance_m2: Variance of a marker coordinate in the control term.
@@ -95,12 +95,12 @@ def cross_validate(
                              marker_variance_m2, min(examples, sizes[0]))
             for group in tested
         ]  # fmt: skip
-        # all K are scored with the same examples: a K that leaves too few neighbours without a clip is not tried
+        # all K are scored on the same examples, so a K that leaves too few neighbours without some clip is not tried
         known = [error for error in errors if error is not None]
         if len(known) == len(errors):
             scores[row] = np.mean(np.concatenate(known, axis=1), axis=1)
     scores += np.maximum(outside[:examples], 0.0).mean()
-    if np.all(np.isinf(scores)):  # only one clip: nothing can be left out, so take the largest model
+    if np.all(np.isinf(scores)):  # with only one clip nothing can be left out, so the largest model is taken
         return Validation(fit(poses[: sizes[-1]], dimensions[-1]), scores)
     best_row, best_column = divmod(int(np.argmin(scores)), len(dimensions))
     return Validation(fit(poses[: sizes[best_row]], dimensions[best_column]), scores)
@@ -110,7 +110,7 @@ def _left_out_errors(
     coordinates: Array, markers: Array, left_out: Mask, dimensions: tuple[int, ...], variance: float,
     examples: int,
 ) -> Array | None:  # fmt: skip
-    """Return squared errors (B, tested) of left-out examples, or None if too few remain."""
+    """Return squared errors (B, tested) of left-out examples, or None if too few neighbours remain."""
     kept = ~left_out
     count = int(kept.sum())
     if count < _FEWEST_KEPT:
@@ -119,7 +119,7 @@ def _left_out_errors(
     centred, centred_markers = coordinates[kept] - mean, markers[kept] - marker_mean
     values, vectors = np.linalg.eigh(centred.T @ centred)
     values, vectors = np.maximum(values[::-1], 1e-12), vectors[:, ::-1]
-    # d markers / d weights by least squares; the weights are uncorrelated, so it is a division
+    # d markers / d weights by least squares, which is a division because the weights are uncorrelated
     slopes = (centred_markers.T @ (centred @ vectors)) / values
     variances = np.maximum(values / (count - 1), _VARIANCE_FLOOR)
     tested = np.flatnonzero(left_out[:examples])

@@ -1,4 +1,4 @@
-"""The paper's method and the methods it is compared with: local-pca, lwr and nearest."""
+"""The paper's method, local-pca, and the methods with which it is compared: lwr and nearest."""
 
 import numpy as np
 
@@ -11,16 +11,16 @@ from ..solution import Estimate, Examples
 from ..subject_model import RootPose, SubjectModel
 from . import local_model, synthesis
 
-_SYNTHESIS_PASSES = 2  # alternations: the synthesis depends on the root, and the root on the synthesised torso
+_SYNTHESIS_PASSES = 2  # number of alternations: the synthesis depends on the root, and the root on its torso
 
 
 def _settle_root(subject: SubjectModel, observation: Observation, pose: Array, root: RootPose) -> RootPose:
-    """Return the root z_t for a pose (D,)."""
+    """Return the root z_t that fits a pose (D,) to the torso markers; the given root if they are too few."""
     return root_from_torso(observation, subject.markers(pose.reshape(-1, 3)), subject, root) or root
 
 
 class NearestMethod:
-    """The closest example."""
+    """Method that returns the closest example."""
 
     fits_markers = False
     others_distance = 1.0
@@ -38,7 +38,7 @@ class NearestMethod:
 
 
 class LwrMethod(NearestMethod):
-    """Mean of the nearby examples, weighted by distance (Atkeson et al. 1997, tricube kernel)."""
+    """Method that averages the nearby examples, weighted by distance (Atkeson et al. 1997, tricube kernel)."""
 
     def __init__(self, settings: LwrSettings, subject: SubjectModel) -> None:
         super().__init__(settings, subject)
@@ -50,13 +50,13 @@ class LwrMethod(NearestMethod):
         count = min(self._neighbours, len(examples.poses) - 1)
         distances = np.sqrt(np.maximum(examples.distances[: count + 1], 0.0))
         weights = (1.0 - (distances[:count] / max(distances[count], 1e-12)) ** 3) ** 3
-        weights += 1e-9  # so that equally distant examples all count
+        weights += 1e-9  # so that examples at equal distances all count
         pose = weights @ examples.poses[:count] / weights.sum()
         return Estimate(pose, _settle_root(self._subject, problem.observation, pose, problem.root), count)
 
 
 class LocalPcaMethod:
-    """The paper's method: pose of least energy in a local model (Eq. 9)."""
+    """The paper's method: the pose of least energy in a local model (Eq. 9)."""
 
     fits_markers = True
     others_distance = 1.0
@@ -68,7 +68,7 @@ class LocalPcaMethod:
         self.query_pose_m_per_rad = settings.query_pose_m_per_rad
 
     def estimate(self, problem: FrameProblem) -> Estimate:
-        """Return the pose of least energy in the local model, and its root, in alternation."""
+        """Return the pose of least energy in the local model and its root, which are found in alternation."""
         settings, observation, root = self._settings, problem.observation, problem.root
         model = self._local_model(problem.examples, observation)
         weights = model.weights(problem.examples.poses[0].astype(np.float64))

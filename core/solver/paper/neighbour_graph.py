@@ -2,9 +2,9 @@
 
 The paper joins any two frames closer than a threshold, so its graph grows with the square of the density. Here every
 frame keeps a bounded number of neighbours: the frames before and after it, then the closest ones, but only one for each
-pass of a clip. Neighbours are searched within coarse clusters of poses and the clusters next to them, not among all
-pairs. Distances weigh each joint by how far it moves head, hands and feet, because
-the search compares those (Eq. 2).
+time that a clip passes by. Neighbours are searched for within coarse clusters of poses and the clusters next to them,
+not among all pairs. In distances, each joint is weighted by how far it moves head, hands and feet, because the search
+compares markers (Eq. 2).
 """
 
 import os
@@ -23,14 +23,14 @@ IntArray = NDArray[np.int32]
 
 _NEIGHBOURS = 24  # number of neighbours of a frame
 _ONE_CLUSTER = 2048  # number of frames up to which all pairs are compared
-_MOST_COMPARED = 4096  # number of frames with which a cluster's frames are compared; larger sets are thinned
-_CLUSTERS_PER_ROOT = 2.0  # clusters per square root of the number of frames
-_BESIDE = 3  # number of further clusters that are searched for a frame's neighbours
-_STRETCH = 4  # length of the stretches of a pass; the closest frame of each stretch is a candidate
-_STRETCHES_PER_NEIGHBOUR = 4  # fewest stretches per neighbour; with fewer every frame is a candidate
+_MOST_COMPARED = 4096  # largest number of frames with which a cluster's frames are compared; more are thinned out
+_CLUSTERS_PER_ROOT = 2.0  # number of clusters relative to the square root of the number of frames
+_BESIDE = 3  # number of further clusters in which a frame's neighbours are searched for
+_STRETCH = 4  # length, in candidates, of the stretches of a pass; the closest frame of each is considered
+_STRETCHES_PER_NEIGHBOUR = 4  # fewest stretches per neighbour; with fewer, every frame is its own stretch
 _SAME_PASS = np.float32(1e6)  # penalty for frames that are not a local minimum of the distance, squared radians
 _NEVER = np.float32(1e30)  # squared distance of excluded frames; infinity would turn matrix products into NaN
-_BLOCK = 1 << 20  # distances held by each thread at once
+_BLOCK = 1 << 20  # number of distances that each thread holds at once
 _EXTREMITIES = ("head", "lhumerus", "lhand", "rhumerus", "rhand", "lfoot", "rfoot")
 _OWN_WEIGHT = 0.1  # weight of a joint's rotation in addition to that of the extremities it moves, m^2 per rad^2
 
@@ -49,7 +49,7 @@ class NeighbourGraph:
 
 
 def weigh_poses(poses: FloatArray) -> FloatArray:
-    """Scale poses (..., D) so that their L2 distance is about that of the markers, metres."""
+    """Scale poses (..., D) so that their L2 distance is about that of their markers, metres."""
     skeleton = default_skeleton()
     positions = skeleton.rest_positions_m
     moved = np.full(len(skeleton), _OWN_WEIGHT)
@@ -67,8 +67,9 @@ def build_graph(poses: FloatArray, clip_of_frame: NDArray[Any], most: int = _NEI
     Args:
         poses: Float32 rotation vectors (F, D) relative to the reference pose.
         clip_of_frame: Clip (F,) of each frame; successive frames of a clip are always joined.
-        most: Neighbours kept per frame, at least 2, however far they are. Eq. 4 only joins those within a radius, which
-            isolates unusual motion; with as many visits, this search came 2.6 times as close to the exhaustive one.
+        most: Number of neighbours kept per frame, at least 2, however far away they are. Eq. 4 only joins those within
+            a radius, which isolates unusual motion; with as many visits, the search came 2.6 times as close to the
+            exhaustive one this way.
     """
     scaled = weigh_poses(poses)
     neighbours = np.full((len(poses), most), -1, dtype=np.int32)
@@ -119,7 +120,7 @@ def _join_consecutive(neighbours: IntArray, clip_of_frame: NDArray[Any]) -> None
 
 
 class _Candidates:
-    """Frames with which the frames of a cluster are compared.
+    """Candidates for neighbours, with which the frames of a cluster are compared.
 
     Args:
         frames: Candidates (C,), ascending.
@@ -130,7 +131,7 @@ class _Candidates:
         self._poses = poses
         self._most = min(most, len(frames))
         self._length = _STRETCH if len(frames) > _STRETCHES_PER_NEIGHBOUR * _STRETCH * most else 1
-        # passes are cut into stretches of equal length; the last stretch of each is padded with its last frame
+        # passes are cut into stretches of equal length; the last stretch of a pass is padded with its last frame
         last = np.diff(frames, append=frames[-1] + stride + 1) > stride
         lacking = -np.diff(np.flatnonzero(last), prepend=-1) % self._length
         copies = np.ones(len(frames), dtype=np.int64)
@@ -138,19 +139,20 @@ class _Candidates:
         self._frames = np.repeat(frames, copies)
         self._goes_on = ~np.repeat(last, copies)[self._length - 1 : -1 : self._length]
         near = poses[self._frames]
-        self._origin = near.mean(axis=0)  # small numbers have small rounding errors
+        self._origin = near.mean(axis=0)  # rounding errors are smaller for numbers near zero
         near -= self._origin
         squares = np.einsum("cd,cd->c", near, near)
-        squares[1:][self._frames[1:] == self._frames[:-1]] = _NEVER  # a frame counts once
+        squares[1:][self._frames[1:] == self._frames[:-1]] = _NEVER  # copies of a frame are excluded
         self._near = np.column_stack((near, squares))
 
     def closest(self, rows: NDArray[np.int64]) -> IntArray:
         """Return the candidates (R, most or all) closest to each frame, closest first, padded with -1.
 
-        There is one per pass if there are enough passes. A frame, its predecessor and its successor are excluded.
+        Each is from a different pass if there are enough passes. A frame itself, its predecessor and its successor are
+        excluded.
         """
         mine = self._poses[rows] - self._origin
-        # without the square of `mine`, which is the same for all candidates
+        # without the squared length of `mine`, which is the same for all candidates
         distances = self._near @ np.column_stack((-2.0 * mine, np.ones(len(rows), dtype=np.float32))).T
         for step in (-1, 0, 1):
             places = np.minimum(np.searchsorted(self._frames, rows + step), len(self._frames) - 1)

@@ -11,7 +11,7 @@ from ..subject_model import RootPose, SubjectModel
 from .local_model import LocalModel
 
 _ITERATIONS = 12  # largest number of iterations
-_RELATIVE_DECREASE = 1e-4  # decrease of the energy that ends the iterations
+_RELATIVE_DECREASE = 1e-4  # relative decrease of the energy below which the iterations end
 _DAMPING_START, _DAMPING_DOWN, _DAMPING_UP, _DAMPING_MAX = 1e-3, 0.3, 8.0, 1e6
 
 
@@ -23,7 +23,7 @@ class SynthesisProblem:
     subject: SubjectModel  # markers from poses
     root: RootPose  # z_t
     observation: Observation  # c_t
-    continued_pose: Array | None  # (D,) 2 q_{t-1} - q_{t-2}, None at the start
+    continued_pose: Array | None  # (D,) 2 q_{t-1} - q_{t-2}; None at the start
     control_weight: float  # factor for the squared marker distances, 1/m^2
     smoothness_weight: float  # factor for the squared pose differences, 1/rad^2
 
@@ -33,7 +33,7 @@ class SynthesisProblem:
         return self._stacked(weights, control_residual(self.observation, markers))
 
     def residual_and_jacobian(self, weights: Array) -> tuple[Array, Array]:
-        """Return `residual` and its derivative with respect to the weights (rows, B)."""
+        """Return `residual` and its derivatives (rows, B) with respect to the weights."""
         pose = self.model.pose(weights).reshape(-1, 3)
         markers, by_pose = self.subject.markers_and_jacobian(pose, self.root)
         by_weights = by_pose[:, :, 6:] @ self.model.basis
@@ -48,7 +48,7 @@ class SynthesisProblem:
 
     @cached_property
     def _smooth_weights(self) -> Array | None:
-        """Weights of the continued pose: Eq. 8 is the distance to them."""
+        """Weights of the continued pose; Eq. 8 is the distance from these."""
         if self.continued_pose is None or self.smoothness_weight == 0.0:
             return None
         return self.model.weights(self.continued_pose)
@@ -61,7 +61,7 @@ class SynthesisProblem:
 
 
 def solve(problem: SynthesisProblem, start: Array) -> tuple[Array, int]:
-    """Return the weights (B,) with the least energy, and the number of iterations from `start`.
+    """Return the weights (B,) of least energy, and the number of iterations from the weights `start`.
 
     Levenberg-Marquardt with Marquardt's scaling; the paper starts from the closest example.
     """

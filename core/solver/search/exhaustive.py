@@ -13,7 +13,7 @@ from ...geometry.arrays import Array, FloatArray, IntArray
 
 @dataclass(frozen=True)
 class Query:
-    """Markers and pose to search for, with the weights of their squared distances."""
+    """Markers and pose to be searched for, with the weights of their squared distances."""
 
     markers_m: Array  # (M, 3) in the root's frame, NaN where not located
     pose: Array | None  # (D,) pose that continues the motion, 2 q_{t-1} - q_{t-2}; None at the start
@@ -22,7 +22,7 @@ class Query:
 
     @cached_property
     def single_precision(self) -> tuple[FloatArray, FloatArray, FloatArray | None]:
-        """Markers (3 M,), 0 where hidden, their weights, and the pose if it counts."""
+        """Markers (3 M,), 0 where hidden, their weights (3 M,), and the pose (D,), None if it has no weight."""
         seen = np.isfinite(self.markers_m.ravel())
         target = np.where(seen, self.markers_m.ravel(), 0.0).astype(np.float32)
         pose = self.pose.astype(np.float32) if self.pose is not None and self.pose_weight > 0.0 else None
@@ -42,11 +42,11 @@ class Search(Protocol):
         """Return the `count` closest frames found (ascending) and their Eq. 2 distances.
 
         Args:
-            start: Distinct frames found for the last frame, from which a search may start.
+            start: Distinct frames found in the last search, from which this one may start.
         """
 
     def near(self, query: Query, count: int, start: IntArray | None = None) -> IntArray:
-        """Return at least the `count` closest frames found, closest first."""
+        """Return the `count` closest frames found, and possibly more, closest first."""
 
     def nearest_among(self, query: Query, candidates: IntArray) -> tuple[IntArray, Array]:
         """Return the candidate frames and their Eq. 2 distances, sorted by distance."""
@@ -76,7 +76,7 @@ class ExhaustiveSearch:
     def marker_norms(self) -> FloatArray:
         """Squares (F, 3 M) of the markers' coordinates.
 
-        They are computed on first use, because distances of single frames do not need them.
+        They are computed on first use, because distances from a few frames do not need them.
         """
         return np.square(self._markers)
 
@@ -84,7 +84,7 @@ class ExhaustiveSearch:
         """Return the `count` closest frames (ascending) and their Eq. 2 distances."""
         found, _ = closest(self.distances(query), count)
         self.visited += len(self)
-        return self.nearest_among(query, found)  # distances of single frames have smaller rounding errors
+        return self.nearest_among(query, found)  # distances computed frame by frame have smaller rounding errors
 
     def near(self, query: Query, count: int, start: IntArray | None = None) -> IntArray:
         """Return the `count` closest frames."""
@@ -96,7 +96,7 @@ class ExhaustiveSearch:
         return candidates[order], distances
 
     def distances(self, query: Query, frames: IntArray | slice = slice(None)) -> FloatArray:
-        """Return the Eq. 2 distances of frames."""
+        """Return the Eq. 2 distances (K,) of some frames, by default of all."""
         if not isinstance(frames, slice):
             return distances_between(query, self._markers.take(frames, axis=0), self._poses, frames)
         target, weights, pose = query.single_precision
@@ -113,7 +113,7 @@ def distances_between(query: Query, markers_m: FloatArray, poses: FloatArray, fr
     """Return the Eq. 2 distances (K,) of frames.
 
     Args:
-        markers_m: Markers (K, 3 M) of these frames; overwritten.
+        markers_m: Markers (K, 3 M) of these frames; they are overwritten.
         poses: Poses (F, D) of all frames.
     """
     target, weights, pose = query.single_precision

@@ -1,8 +1,8 @@
 """Search in the cells nearest to the query: an inverted file (Jegou, Douze and Schmid 2011).
 
-The cells' frames are ranked by markers and the strongest principal components of poses; only the best are compared in
-full. So the search time hardly grows with the database (the number of cells grows with its square root), and no frame
-depends on the previous one.
+The frames in these cells are ranked by their markers and the leading principal components of their poses; only the best
+are compared in full. So the search time hardly grows with the database (the number of cells grows with its square
+root), and the result for a frame does not depend on the previous frame.
 """
 
 import math
@@ -16,15 +16,15 @@ from ..database_markers import BESIDE, MOST, DatabaseMarkers
 from .exhaustive import Query, closest, distances_between, times
 
 _SCANNED = 6144  # approximate number of frames in the cells that are scanned
-_FIRST_SCANNED = 2  # factor for this number in queries without a pose
+_FIRST_SCANNED = 2  # factor of this number for queries without a pose
 _COMPONENTS = BESIDE - 1
-_SAMPLES = 4096  # number of frames used for the components
-_COMPARED = 2.0  # frames compared in full per frame wanted
-_FIRST = 64  # number of closest frames that are sorted
-# Assumed cosine between the parts of the query's pose and of a near pose that the components leave out. With this
-# value, the estimated distances rank frames best on takes that are not in the database.
+_SAMPLES = 4096  # number of frames from which the components are computed
+_COMPARED = 2.0  # number of frames compared in full per frame wanted
+_FIRST = 64  # number of closest frames that are sorted by distance
+# Assumed cosine of the angle between those parts of the query's pose and of a near pose that the components leave out.
+# With this value, the estimated distances rank frames best on takes that are not in the database.
 _ALIKE = 0.5
-_ROOM = 1.25  # largest stored value relative to those of the sample; larger ones are clipped
+_ROOM = 1.25  # largest value that can be stored, relative to the sample's largest; larger ones are clipped
 _CHUNK = 8192  # frames processed at once
 
 
@@ -32,7 +32,7 @@ class CellSearch:
     """Searches the cells nearest to the query.
 
     Args:
-        markers: Markers used by this search only; it stores its numbers next to them.
+        markers: Markers that are used by this search only, because it stores its own values after them.
         poses: Poses (F, D) of the database frames.
         scanned: Approximate number of frames to scan.
     """
@@ -57,11 +57,11 @@ class CellSearch:
         return self.nearest_among(query, self.near(query, count), count)
 
     def near(self, query: Query, count: int, start: IntArray | None = None) -> IntArray:
-        """Return the frames most likely to be the `count` closest, and as many more; only the first are sorted."""
+        """Return the frames most likely to be closest, about twice `count`; only the first of them are sorted."""
         target, weights = self._target(query)
         rows = self._rows_near(query, target, weights, count)
         stored = self._markers.rows.take(rows, axis=0).astype(np.float32)
-        # without the square of the target, which is the same for all
+        # without the squared length of the target, which is the same for all frames
         estimates = times(stored, -2.0 * weights * target) + times(np.square(stored, out=stored), weights)
         compared = min(math.ceil(_COMPARED * count), len(rows) - 1)
         chosen = np.argpartition(estimates, (min(_FIRST, compared), compared))[: compared + 1]
@@ -71,20 +71,20 @@ class CellSearch:
         return frames
 
     def nearest_among(self, query: Query, candidates: IntArray, count: int | None = None) -> tuple[IntArray, Array]:
-        """Return the closest `count` or all candidates, sorted, and their Eq. 2 distances."""
+        """Return the closest `count` candidates, by default all, sorted by Eq. 2 distance, and these distances."""
         rows = self._markers.take(candidates).reshape(len(candidates), -1)
         distances = distances_between(query, rows, self._poses, candidates)
         order, ascending = closest(distances, count or len(candidates))
         return candidates[order], ascending
 
     def _facts_of(self, poses: FloatArray) -> FloatArray:
-        """Return the strongest components of poses, and the lengths of the remainders."""
+        """Return the leading components of poses, followed by the length of the remainder (K, B)."""
         strongest = np.asarray(sgemm(1.0, self._components.T, poses.T)).T
         rest = np.einsum("fd,fd->f", poses, poses) - np.einsum("fc,fc->f", strongest, strongest)
         return np.column_stack((strongest, np.sqrt(np.maximum(rest, 0.0))))
 
     def _target(self, query: Query) -> tuple[FloatArray, FloatArray]:
-        """Return the query as a row in stored units, and the weights of the squared differences."""
+        """Return the query as a row in stored units, and the weights of its squared differences from rows."""
         target, weights = np.zeros((2, len(self._units)), dtype=np.float32)
         target[:-BESIDE], weights[:-BESIDE], pose = query.single_precision
         if pose is not None:
@@ -107,5 +107,5 @@ class CellSearch:
             cells = cells[: 1 + int(np.searchsorted(np.cumsum(self._sizes[cells]), _COMPARED * count))]
         sizes = self._sizes[cells]
         stops = np.cumsum(sizes)
-        self.visited += int(stops[-1]) + len(away)  # cell means count like frames
+        self.visited += int(stops[-1]) + len(away)  # each comparison with a cell's mean counts as one frame
         return np.arange(stops[-1]) + np.repeat(self._markers.starts[cells] - stops + sizes, sizes)

@@ -1,4 +1,4 @@
-"""Search among every nth frame of the database, for marker frames that must be solved quickly."""
+"""Search in a sample of the database, every nth frame, for marker frames that must be solved quickly."""
 
 import numpy as np
 
@@ -16,7 +16,7 @@ class SampleSearch:
         poses: Poses (F, D) of the database frames.
 
     Attributes:
-        step: Number of database frames that a frame of the sample represents.
+        step: Number of database frames that each frame of the sample represents.
     """
 
     def __init__(self, markers: DatabaseMarkers, poses: FloatArray) -> None:
@@ -30,14 +30,14 @@ class SampleSearch:
         return self._search.visited
 
     def nearest(self, query: Query, count: int) -> IntArray:
-        """Return the `count` closest frames of the sample, ascending."""
+        """Return the `count` frames of the sample that are closest, ascending, as database frames."""
         return self.step * self._search.nearest(query, count)[0]
 
     def around(self, frames: IntArray, least: int = 0, apart: int = 1) -> IntArray:
-        """Return the database frames that frames of the sample represent.
+        """Return the database frames that some frames of the sample represent.
 
         Args:
-            least: Number of frames wanted, those of the first sample frames first; by default all.
+            least: Number of frames wanted, starting with those of the first sample frames; by default all.
             apart: Step between the frames that are returned.
         """
         chosen = frames[: -(-least // self.step)] if least else frames
