@@ -1,8 +1,8 @@
 """Tracking one prop from frame to frame, with a search when it is lost.
 
 The distances between a prop's markers are exact to millimetres, so only few points can be these markers. A prop placed
-on such points must explain the blobs of each camera, including those that only one camera sees. The pose of a tracked
-prop is fitted from its expected pose instead.
+on such points must explain the blobs of each camera, including those that only one camera sees. For a tracked prop, the
+fit starts from its expected pose instead.
 """
 
 from collections.abc import Sequence

@@ -77,7 +77,7 @@ class SingleViewLabeller:
         return sorted(found, key=lambda pair: pair[0])
 
     def after(self, points: Array, labels: IntArray, elapsed_s: float) -> "SingleViewLabeller":
-        """Return the labeller after a frame of points (N, 2) with labels (N,)."""
+        """Return a copy of the labeller, updated with a frame of blobs at points (N, 2) with labels (N,)."""
         named = labels >= 0
         markers, seen = labels[named], points[named]
         since_s = self._lost_s[markers] + elapsed_s

@@ -29,7 +29,7 @@ class FloorSettings:
     sole_m: float = 0.02  # height of a standing foot's lowest joint above the floor
     smoothing_hz: float = 5.0  # cut-off of the trajectories
     still_m_s: float = 0.25  # speed below which a marker on a foot may be at rest
-    low_m: float = 0.04  # height above its lowest position within a second below which it may be at rest
+    low_m: float = 0.04  # height above a marker's lowest position within a second below which it may be at rest
     fewest_s: float = 0.5  # shortest time at rest, summed over the markers, that determines the floor
     lean_rad: float = math.radians(3.0)  # standard deviation of the lean of a performer's mean vertical
     height_sigma_m: float = 0.01  # standard deviation of a resting marker's height

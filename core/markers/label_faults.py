@@ -90,7 +90,7 @@ class FaultSettings:
     still_move_m: float = 0.02  # distance that the body must move meanwhile for missing noise to be a fault
     still_harm_m: float = 0.01  # smallest jump at either end that is a fault
     still_drift_m: float = 0.05  # smallest distance, covered at the speed of either end, that is also a fault
-    still_drift_evidence: float = 14.0  # evidence needed for a fault by that distance, nats
+    still_drift_evidence: float = 14.0  # evidence needed if only that distance is exceeded, nats
     beside: int = 6  # number of seams on either side that show how sudden the motion is there
     all_still: float = 0.6  # share of other markers, also still, above which the recording had been paused
 

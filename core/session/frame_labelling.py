@@ -108,7 +108,7 @@ class FrameLabeller:
         kept = is_confident[markers] | ((labels[points] < 0) & ~np.isin(markers, labels))
         labels[points[kept]] = markers[kept]
         is_same = labels[points] == markers
-        if is_same.all() and np.sum(labels >= 0) == len(points):  # nothing differs any more
+        if is_same.all() and np.sum(labels >= 0) == len(points):  # no label differs now
             self._check.put_off(alternative.renaming)
             return None
         labeller.begin(frame.points_m, labels, is_confident)

@@ -171,7 +171,7 @@ class Session:
         return Carried(carried_m, self._last is not None and self._last.confidence >= DOUBTFUL)
 
     def _note_markers(self, before_m: Array | None, observation: Observation, elapsed_s: float) -> None:
-        """Remember the velocities of the solved markers, and the mean offsets of the observed ones from them."""
+        """Remember the velocities of the solved markers, and the mean offsets of observed markers from solved ones."""
         if self._state.markers_m is None:
             return
         if before_m is not None and elapsed_s > 0.0:

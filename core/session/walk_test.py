@@ -33,7 +33,7 @@ def walk_figures(poses: Sequence[PerformerPose], lost: int) -> WalkFigures | Non
     """Return the figures for successive poses, or None if there are too few.
 
     Args:
-        lost: Number of frames between these that did not arrive.
+        lost: Number of frames that did not arrive during this time.
     """
     times_s = np.array([pose.time_s for pose in poses])
     if len(poses) < 2 or times_s[-1] - times_s[0] < SHORTEST_S:

@@ -200,7 +200,7 @@ class BestMethod:
         return gaussian_conditioning.neighbours_prior(samples, weights, self._floor, past, variances), len(weights)
 
     def _history_of(self, frames: IntArray) -> tuple[FloatArray, FloatArray]:
-        """Return rows of earlier markers and earlier poses of database frames (K,)."""
+        """Return the markers and the poses before database frames (K,), each as rows (K, ...)."""
         count = len(frames)
         markers, poses = self.earlier_markers.of_frames(frames), self._poses.of_frames(frames)
         return markers.reshape(count, -1), poses.reshape(count, -1)

@@ -90,8 +90,8 @@ def widen_joints(prior: Prior, other: Prior, inflations: Array, share: float) ->
 
     Args:
         inflations: Factor (J - 1,) for each joint's variances; factors below 1 are replaced by 1.
-        share: Share of a further inflation, which is `share` times the inflation times the squared distance between the
-            two means, divided by the sum of the two variances; it is applied where it exceeds 1.
+        share: A joint's variances are further multiplied by `share` times its inflation times the squared distance
+            between the two means, divided by the sum of the two variances, where this exceeds 1.
 
     Returns:
         The prior with scaled rows and columns; correlations are unchanged.

@@ -23,7 +23,7 @@ class ContradictionSettings:
     frames: int = 60  # number of frames, spread over the take
     share: float = 0.1  # change of a part's length above which the bones are wrong; correct skeletons reach 0.055
     sigmas: float = 3.0  # change, in standard deviations among people, above which labels are wrong instead
-    moved_m: float = 0.13  # distance from the usual position that no worn marker has: at most 0.08, on wands 0.126
+    moved_m: float = 0.13  # distance from the usual position above which a label is wrong; worn markers reach 0.126
 
 
 _S = ContradictionSettings()

@@ -39,7 +39,7 @@ class PoseFitSigmas:
         ("tibia", 0.04), ("foot", 0.04), ("radius", 0.05), ("wrist", 0.05), ("hand", 0.05),
     )  # fmt: skip
     own_share: float = 0.5  # factor of `places_m` and `lengths` for differences between the sides
-    limbs_deg: tuple[tuple[str, float, str], ...] = (  # joint, angle, axes of rotation
+    limbs_deg: tuple[tuple[str, float, str], ...] = (  # joint, deviation, axes of rotation
         ("humerus", 8.0, "xyz"), ("hand", 6.0, "yz"), ("femur", 6.0, "xyz"), ("foot", 4.0, "xyz"),
     )  # fmt: skip
     hinge_deg: float = 8.0  # elbows and knees

@@ -39,7 +39,7 @@ class CalibrationLimits:
     careless_deg: float = 15.0  # angle of a limb from the pose above which the advice mentions it
     noise_m: float = 0.03  # largest range of a still marker's positions due to measurement alone
     still_m_s: float = 0.15  # speed above which a pose is not held
-    like_pose_m: float = 0.20  # largest RMS distance from the default body's markers in the pose; fits any body size
+    like_pose_m: float = 0.20  # largest RMS distance from the default body's markers in the pose; allows for size
     as_close: float = 1.3  # the stillest moment is chosen among those up to this factor from the smallest distance
     residual_m: float = 0.015  # RMS marker error above which a calibration should be redone
     odd_marker_m: float = 0.035  # distance of a marker from its usual position above which the advice mentions it
@@ -290,7 +290,7 @@ def _astray(fit: BodyFit, poses: Sequence[str]) -> list[tuple[str, float, str]]:
 
 
 def _shown(fit: BodyFit, points: Array, marker_set: MarkerSet) -> tuple[Array, Array]:
-    """Return the markers (N, M, 3) at their usual offsets, and the observed offsets (M, 3)."""
+    """Return the fitted body's markers (N, M, 3) at their usual offsets, and the observed offsets (M, 3)."""
     joints = marker_set.joint_indices(fit.skeleton)
     positions, world = forward_kinematics(fit.skeleton, fit.rotations, fit.root_positions_m)
     shown = positions[:, joints] + rot.rotate(world[:, joints], usual_offsets(marker_set))

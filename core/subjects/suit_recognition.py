@@ -76,7 +76,7 @@ class RecognitionSettings:
     solved: int = 3  # number of best assignments that are solved, in addition to a mirrored one
     turned_rad: float = 2.0  # angle between the headings of two assignments above which they mirror each other
     clearer: float = 1.25  # factor by which the cost of the mirrored assignment must be higher
-    recognised: float = 0.6  # smallest fraction recognised of the set or of the trajectories, whichever has fewer
+    recognised: float = 0.6  # smallest recognised fraction of the set or of the trajectories, whichever are fewer
     clear_m: float = 0.055  # RMS distance of all markers from those expected below which the names are clear
     residual_m: float = 0.03  # largest median distance of the recognised markers from the body
 

@@ -113,7 +113,7 @@ def with_usual_offsets(subject: Subject, names: Sequence[str]) -> Subject:
     The motion shows where a marker is along a bone, but hardly how thick the flesh below it is.
 
     Args:
-        names: Names in the take. Only the markers of the set that the take lacks can be placed ones.
+        names: Names in the take. Placed markers are moved only onto markers of the set that the take lacks.
     """
     markers, skeleton = subject.marker_set.markers, subject.skeleton
     rest = rot.identity((len(skeleton),))
@@ -162,7 +162,7 @@ def _local_places(part: MarkerTake, subject: Subject, database: Database, points
 def _first_places(
     part: MarkerTake, start: Subject, database: Database, unknown: list[str], points_m: Array
 ) -> tuple[Marker, ...]:
-    """Return the markers in their first positions: on determined bones, or on undetermined limbs fitted to markers."""
+    """Return the unknown markers at initial positions on determined bones, or on undetermined limbs fitted to them."""
     skeleton = start.skeleton
     positions_m, world = forward_kinematics(skeleton, *solved_poses(part, start, database))
     local_m = _in_bones(points_m, positions_m, world)

@@ -40,7 +40,7 @@ class GraphSearch:
         self.visited = 0
 
     def nearest(self, query: Query, count: int, start: IntArray | None = None) -> tuple[IntArray, Array]:
-        """Return the `count` closest frames found (ascending) and their Eq. 2 distances."""
+        """Return the `count` closest frames found, closest first, and their Eq. 2 distances."""
         visit = _Visit(self._frames, query, self._seen, count)
         groups: list[IntArray] = []
         limit = np.inf
@@ -61,7 +61,7 @@ class GraphSearch:
         return visit.end()
 
     def near(self, query: Query, count: int, start: IntArray | None = None) -> IntArray:
-        """Return the `count` closest frames found, ascending."""
+        """Return the `count` closest frames found, closest first."""
         return self.nearest(query, count, start)[0]
 
     def nearest_among(self, query: Query, candidates: IntArray) -> tuple[IntArray, Array]:
@@ -155,7 +155,7 @@ class _Visit:
         return self._found, self._distances
 
     def end(self) -> tuple[IntArray, Array]:
-        """Clear `seen`; return the closest visited frames, ascending, and their distances."""
+        """Clear `seen`; return the closest visited frames, closest first, and their distances."""
         self._seen[np.concatenate(self._visited)] = False
         order, ascending = closest(self._distances, self._wanted)
         return self._found[order], ascending

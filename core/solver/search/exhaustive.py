@@ -39,7 +39,7 @@ class Search(Protocol):
     visited: int
 
     def nearest(self, query: Query, count: int, start: IntArray | None = None) -> tuple[IntArray, Array]:
-        """Return the `count` closest frames found (ascending) and their Eq. 2 distances.
+        """Return the `count` closest frames found, closest first, and their Eq. 2 distances.
 
         Args:
             start: Distinct frames found in the last search, from which this one may start.
@@ -81,13 +81,13 @@ class ExhaustiveSearch:
         return np.square(self._markers)
 
     def nearest(self, query: Query, count: int, start: IntArray | None = None) -> tuple[IntArray, Array]:
-        """Return the `count` closest frames (ascending) and their Eq. 2 distances."""
+        """Return the `count` closest frames, closest first, and their Eq. 2 distances."""
         found, _ = closest(self.distances(query), count)
         self.visited += len(self)
         return self.nearest_among(query, found)  # distances computed frame by frame have smaller rounding errors
 
     def near(self, query: Query, count: int, start: IntArray | None = None) -> IntArray:
-        """Return the `count` closest frames."""
+        """Return the `count` closest frames, closest first."""
         return self.nearest(query, count)[0]
 
     def nearest_among(self, query: Query, candidates: IntArray) -> tuple[IntArray, Array]:
@@ -135,7 +135,7 @@ def times(rows: NDArray[Any], vector: FloatArray) -> FloatArray:
 
 
 def closest(distances: FloatArray, count: int) -> tuple[IntArray, Array]:
-    """Return the indices of the `count` smallest distances, ascending, and these distances."""
+    """Return the indices of the `count` smallest distances, smallest first, and these distances."""
     count = min(count, len(distances))
     chosen = np.argpartition(distances, count - 1)[:count]
     chosen = chosen[np.argsort(distances[chosen], kind="stable")]

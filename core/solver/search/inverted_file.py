@@ -53,7 +53,7 @@ class CellSearch:
         self.visited = 0
 
     def nearest(self, query: Query, count: int, start: IntArray | None = None) -> tuple[IntArray, Array]:
-        """Return the `count` closest frames found (ascending) and their Eq. 2 distances."""
+        """Return the `count` closest frames found, closest first, and their Eq. 2 distances."""
         return self.nearest_among(query, self.near(query, count), count)
 
     def near(self, query: Query, count: int, start: IntArray | None = None) -> IntArray:

@@ -30,7 +30,7 @@ class SampleSearch:
         return self._search.visited
 
     def nearest(self, query: Query, count: int) -> IntArray:
-        """Return the `count` frames of the sample that are closest, ascending, as database frames."""
+        """Return the `count` closest frames of the sample, closest first, as indices of database frames."""
         return self.step * self._search.nearest(query, count)[0]
 
     def around(self, frames: IntArray, least: int = 0, apart: int = 1) -> IntArray:
