@@ -168,7 +168,7 @@ def test_name_notes_and_rating_are_kept_in_the_file(part: Any, takes: Any, liste
     assert path.stat().st_size == size  # to show it is not to change it
     cut(path)
     item.rating = 1
-    assert "recover it first" in part("jobs.activity").message("takes")[0]
+    assert "was cut off; recover the take first" in part("jobs.activity").message("takes")[0]
 
 
 def test_a_take_is_put_on_the_character(part: Any, chosen: Any, takes: Any) -> None:

@@ -93,7 +93,7 @@ def test_the_list_says_who_cannot_be_followed(
     ben.subject = ""
     assert (module.title(ben), problem()) == ("Performer 2", "")
     chosen.practise = True
-    assert "not calibrated" in problem()
+    assert "Performer 2: has no subject" in problem()
     ben.subject = str(tmp_path / "ben.toml")
     assert problem() == ""
     ben.armature = chosen.armature = new_character(FIRST)

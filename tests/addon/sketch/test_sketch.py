@@ -92,7 +92,7 @@ def test_what_cannot_be_a_sketch_is_refused(part: Any, keyed: bpy.types.Object, 
     root = controls.controls_of(keyed)["root"]
     root.location.x = 5000.0
     root.keyframe_insert("location", frame=20)
-    with pytest.raises(errors.SettingsError, match="m away"):
+    with pytest.raises(errors.SettingsError, match="m from the character's origin"):
         part("sketch.read_controls").read_controls(bpy.context, keyed, space)
     root.animation_data_clear()
     root.location.x = 0.0
