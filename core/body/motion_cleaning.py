@@ -10,7 +10,7 @@ frame rates these limits fall below the noise of solved recordings, so a jump mu
 Treatment of each defect:
 
 - Root jump: the poses on both sides are right, but speed and position are wrong at the jump. The clip is cut in two
-there.
+  there.
 - Limb pop (all joints but `_ENDS`): the other joints of the limb are wrong as well, so the pop is not repaired. The
   frames between two jumps at most `longest_pop_s` apart are cut out, and what follows becomes another clip. If the
   jumps are further apart, it is unknown which side is right: both are kept, as separate clips.

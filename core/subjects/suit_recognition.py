@@ -3,9 +3,9 @@
 1. Frames are superimposed with robust weights, so that the trunk is at rest. The medians of the trajectories are the
    take's mean shape.
 2. For each known marker set, bodies that wear it in typical poses are placed in this shape, along every axis and
-heading.
+   heading.
 3. Starting from the best placements, the database's nearest examples of each frame and one assignment for all frames
-are found alternately.
+   are found alternately.
 4. The solver poses the body with the assigned markers, bones and offsets are fitted, and the markers are assigned
    again. Feet, hands and head take part last: a foot with its markers assigned the wrong way round would turn to fit
    them.
