@@ -128,7 +128,10 @@ def _run(argv: Sequence[str] | None) -> int:
         summary = guarded_run(args, progress)
     except (PerfanimError, OSError, MemoryError, UnicodeError) as error:
         progress.clear()
-        own = error if isinstance(error, PerfanimError) else PerfanimError(f"failed ({error or 'out of memory'})")
+        own = error
+        if not isinstance(error, PerfanimError):
+            advice = "check the names of the files, and the free memory and disk space"
+            own = PerfanimError(f"failed ({error or 'out of memory'})", advice=advice)
         sys.stderr.write("perfanim: " + " ".join(str(own).split()) + "\n")
         return 1
     except KeyboardInterrupt:

@@ -134,20 +134,24 @@ def _messages(packet: bytes, faults: list[str] | None) -> Iterator[bytes]:
             continue
         if not item.startswith(_BUNDLE) or len(item) < _HEADER_BYTES:
             if depth == 0 or faults is None:
-                raise FormatError("is not an OSC packet")
+                raise _violation("is not an OSC packet")
             faults.append("is not an OSC packet")
             continue
         if depth == _MOST_NESTED:
-            raise FormatError(f"has OSC bundles nested more than {_MOST_NESTED} deep")
+            raise _violation(f"has OSC bundles nested more than {_MOST_NESTED} deep")
         inner, at = [], _HEADER_BYTES
         while at < len(item):
             size = int.from_bytes(item[at : at + 4], "big")
             end = at + 4 + size
             if size % 4 or size == 0 or end > len(item):
-                raise FormatError("has an OSC bundle with wrong sizes")
+                raise _violation("has an OSC bundle with wrong sizes")
             inner.append((item[at + 4 : end], depth + 1))
             at = end
         pending += reversed(inner)
+
+
+def _violation(what: str) -> FormatError:
+    return FormatError(what, where="VMC packet", advice="check the program that sends it")
 
 
 def _read_message(message: bytes) -> Placement | Clock | None:
@@ -159,22 +163,22 @@ def _read_message(message: bytes) -> Placement | Clock | None:
         _, at = osc_types.get_string(message, 0)
         tags, at = osc_types.get_string(message, at)
         if not (_TIME_TAGS if is_time else _PLACED_TAGS).match(tags):
-            raise FormatError(
+            raise _violation(
                 f"has {address} with argument types {shorten(repr(tags), 40)}, not {',f' if is_time else ',sfffffff'!r}"
             )
         name, at = ("", at) if is_time else osc_types.get_string(message, at)
         if len(name) > _LONGEST_NAME:
-            raise FormatError(f"has {address} with a name of {len(name)} characters, {_LONGEST_NAME} at most")
+            raise _violation(f"has {address} with a name of {len(name)} characters, {_LONGEST_NAME} at most")
         # the library would read missing bytes as zeros
         numbers = np.frombuffer(message, ">f4", 1 if is_time else 7, at)
     except (osc_types.ParseError, ValueError) as error:
-        raise FormatError(f"has a damaged message {address}") from error
+        raise _violation(f"has a damaged message {address}") from error
     if not np.all(np.isfinite(numbers)):
-        raise FormatError(f"has {address} with numbers that are not finite")
+        raise _violation(f"has {address} with numbers that are not finite")
     numbers = numbers.astype(np.float64)
     if is_time:
         return Clock(float(numbers[0]))
     rotation = _MIRROR_ROTATION * numbers[[6, 3, 4, 5]]
     if np.linalg.norm(rotation) < 0.5:
-        raise FormatError(f"has {address} with an invalid rotation")
+        raise _violation(f"has {address} with an invalid rotation")
     return Placement(address, name, _MIRROR_POSITION * numbers[:3], rot.normalize(rotation))
