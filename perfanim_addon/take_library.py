@@ -182,7 +182,7 @@ def _is_cut_off(path: Path) -> bool:
 
 
 def _summaries(where: Path) -> list[TakeSummary]:
-    """Return the readable takes in a folder, newest first; names of temporary files begin with a dot."""
+    """Return the readable takes in a folder, newest first, without temporary files, whose names begin with a dot."""
     found = []
     for path in sorted(where.glob(f"[!.]*{ENDING}")):
         with suppress(TakeError):

@@ -33,7 +33,7 @@ class ClockSettings:
     same: float = 0.02  # largest deviation of a time from a steady rate, frames
     widest: float = 0.45  # largest rounding error of times that is accepted without frame numbers, frames
     near: float = 0.01  # largest relative difference from a common rate that is attributed to the camera's clock
-    lost: float = 3.0  # step, in median steps, above which it is a gap and is not used to measure the rate
+    lost: float = 3.0  # longest step that is used to measure the rate, in median steps; a longer one is a gap
     plausible_hz: tuple[float, float] = (5.0, 5000.0)  # lowest and highest rate of markers; tells the unit of times
     uneven: float = 0.5  # smallest deviation of a step from one frame interval that is reported, frames
     near_s: float = 0.1  # longest step across which markers and props are interpolated, s

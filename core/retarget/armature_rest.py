@@ -19,7 +19,8 @@ class ArmatureRest(BoneTree):
         deform: Mask (B,) of bones that move vertices.
         inherits_rotation: Mask (B,) of bones that turn with their parent.
         local_location: Mask (B,) of bones with Local Location, whose location is along their rest axes.
-        location_scales: Factors (B,) from a bone's location to armature space; not 1 if its ancestors are scaled.
+        location_scales: Factors (B,) from a bone's location to armature space: the scale of its ancestors for
+            bones with Local Location, else 1.
         connected: Mask (B,) of bones fixed to their parent's end, so that their location has no effect.
 
     Raises:

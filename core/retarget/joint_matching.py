@@ -50,7 +50,7 @@ class _NamedBones:
         """Return the likeliest bone of a side that has one of the words as its name and is not taken; -1 for none."""
         parsed, parents = self._parsed, self._tree.parents
         candidates = [b for b in self._used if parsed[b].side == side and parsed[b].words in words and b not in taken]
-        # a joint above one with the same name is its socket (LHipJoint above LeftHip) and does not turn
+        # a bone whose child has the same joint word (LHipJoint above LeftHip) is only the socket and does not rotate
         above = {b: int(parents[b]) for b in candidates if parents[b] >= 0}
         sockets = {parent for b, parent in above.items() if parsed[parent] == parsed[b]}
         return min(

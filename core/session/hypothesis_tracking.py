@@ -32,7 +32,7 @@ _SUSPECT = 0.6  # confidence below which labels are suspect, as they are with un
 _CERTAIN = 0.5  # confidence above which the root is certain
 _SUSPECT_FRAMES = 4  # successive frames with suspect labels after which hypotheses are added
 _SEARCH_S = 0.2  # pause between two searches for hypotheses, or for a start pose
-_UNCERTAIN_S = 0.2  # age of the last certain root from which hypotheses are also added there
+_UNCERTAIN_S = 0.2  # once the last certain root is older than this, hypotheses are also added at that root
 _STARTS = 2  # number of hypotheses added at each root
 
 

@@ -19,7 +19,7 @@ _STRAYS = 2  # number of unlabelled points, with as many hidden markers, that ma
 _TORSO_MARKERS = 2  # fewest located torso markers for a pose that is not suspect
 _ENOUGH = 0.6  # share of the markers that must be located for a check
 _SAME_M = 0.02  # distance up to which two points are the same
-_UNCERTAIN = 0.3  # smallest factor of a pose's confidence while the labels are uncertain
+_UNCERTAIN = 0.3  # smallest factor by which uncertain labels scale a pose's confidence
 _MISPLACED_M = 0.1  # scale on which the factor falls with the RMS distance between current and likely markers
 
 # gains are log likelihood ratios of alternative to current labels, nats

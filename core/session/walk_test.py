@@ -30,7 +30,7 @@ class WalkFigures:
 
 
 def walk_figures(poses: Sequence[PerformerPose], lost: int) -> WalkFigures | None:
-    """Return the figures for successive poses, or None if there are too few.
+    """Return the figures for successive poses, or None if they span too short a time.
 
     Args:
         lost: Number of frames that did not arrive during this time.

@@ -65,7 +65,7 @@ class PoseFit:
         poses = np.asarray(database.poses[frames], dtype=np.float64).reshape(len(frames), -1)
         self._covariance = settings.change_share * np.atleast_2d(np.cov(poses.T, ddof=0))
         self._covariance[np.diag_indices_from(self._covariance)] += settings.change_rad**2
-        # a limb without a target moves as in the database: feet keyed wider apart than in any clip raised the arms
+        # limbs without targets are independent of the rest: feet keyed wider apart than in any clip would raise arms
         for own in (np.repeat(np.isin(skeleton.names[1:], limb), 3) for limb in _LIMBS if not set(limb) & set(joints)):
             self._covariance[np.ix_(own, ~own)] = self._covariance[np.ix_(~own, own)] = 0.0
         low, high = np.percentile(poses, settings.limit_percentiles, axis=0)

@@ -132,6 +132,6 @@ class Locator:
 
 
 def _closest_mean(markers: DatabaseMarkers, frames: IntArray) -> Array:
-    """Return the mean markers (M, 3) of the first few of frames (K,), which are ranked by distance."""
+    """Return the mean markers (M, 3) of the closest few of the frames (K,), which are ranked by distance."""
     closest = markers.take(frames[:_TORSO_EXAMPLES]).astype(np.float64)
     return np.asarray(np.add.reduce(closest) / len(closest))

@@ -256,9 +256,9 @@ def _check_seen(seen: Mask, marker_set: MarkerSet, name: str) -> None:
         if np.sum(shown & marker_set.torso) < 3:
             unseen = [marker for marker, there in zip(marker_set.names, shown, strict=True) if not there]
             raise SubjectError(
-                "fewer than three torso markers were seen (unseen: " + ", ".join(unseen) + ")",
+                "fewer than three torso markers were visible (hidden: " + ", ".join(unseen) + ")",
                 where=name,
-                advice="stand so that both cameras see every marker, and record the pose again",
+                advice="stand so that the cameras see every marker, and record the pose again",
             )
     unseen = [marker for marker, there in zip(marker_set.names, seen.any(axis=0), strict=True) if not there]
     if unseen:

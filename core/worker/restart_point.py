@@ -18,7 +18,7 @@ class FrameOffset:
     time_s: float = 0.0
 
     def apply(self, frame: MarkerFrame) -> MarkerFrame:
-        """Return the frame with the numbers and times of the capture."""
+        """Return the frame with its number and times shifted to those of the whole capture."""
         if self == FrameOffset():
             return frame
         times_s = frame.camera_times_s + self.time_s

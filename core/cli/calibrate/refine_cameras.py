@@ -74,8 +74,10 @@ def _detected(args: argparse.Namespace, rig: Any, progress: Progress) -> list[li
             sizes = [(image.shape[1], image.shape[0]) for image in images]
             expected = [camera.image_size for camera in rig.cameras]
             if sizes != expected:
-                advice = "use the calibration of these cameras"
-                raise CalibrationError(f"images are {sizes}, but the calibration is for {expected}", advice=advice)
+                shown, known = (", ".join(f"{w} x {h}" for w, h in each) for each in (sizes, expected))
+                advice = "use the calibration of these cameras at this resolution"
+                what = f"the images have {shown} pixels, but the calibration is for {known}"
+                raise CalibrationError(what, advice=advice)
             progress(0.8 * number / most, f"looking for markers: frame {number + 1}")
             frames.append([d.detect(image) for d, image in zip(pipeline.detectors, images, strict=True)])
     return frames

@@ -52,7 +52,8 @@ def calibrate_videos(
     for camera in cameras:
         if len(camera.views) < MINIMUM_VIEWS:
             raise CalibrationError(
-                f"the board was found in {len(camera.views)} of {min(source.frames, _VIDEO.searched)} moments",
+                f"the board was found in only {len(camera.views)} of {min(source.frames, _VIDEO.searched)} searched "
+                f"frames, but {MINIMUM_VIEWS} are needed",
                 where=f"camera {camera.name}",
                 advice="check the size of the board, and that it is in the pictures, sharp and lit",
             )

@@ -84,9 +84,9 @@ def refine_rig(rig: CameraRig, frames: Sequence[Sequence[FloatArray]]) -> Refine
         observed, weights, moments = _match_markers(found, frames, float(gate))
         if len(observed) < _REFINEMENT.least_points or len(np.unique(moments)) < _REFINEMENT.least_frames:
             raise CalibrationError(
-                f"several cameras see {counted(len(observed), 'marker position')} at "
-                f"{counted(len(np.unique(moments)), 'moment')}, but {_REFINEMENT.least_points} at "
-                f"{_REFINEMENT.least_frames} are needed",
+                f"only {counted(len(observed), 'marker position')} at {counted(len(np.unique(moments)), 'moment')} "
+                f"could be matched between cameras, but at least {_REFINEMENT.least_points} positions at "
+                f"{_REFINEMENT.least_frames} moments are needed",
                 advice="move markers through the cameras' whole view for half a minute, or calibrate again",
             )
         found, depth_sigma = _fit_cameras(found, observed, weights)

@@ -20,7 +20,8 @@ class Background:
     def __post_init__(self) -> None:
         if self.mean.shape != self.deviation.shape or self.mean.shape[2:] != (3,):
             raise CaptureError(
-                f"mean {self.mean.shape} and deviation {self.deviation.shape} are not colour images of one size",
+                f"mean {self.mean.shape} and deviation {self.deviation.shape} are not colour images of the same size",
+                where="background",
                 advice="learn the background again",
             )
 

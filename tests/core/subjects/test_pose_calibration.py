@@ -134,7 +134,7 @@ def test_refusals():
         calibrate_subject(hand_unseen, BOXING, PROTOTYPES, "Ann")
     torso_unseen = points.copy()
     torso_unseen[[BOXING.names.index(name) for name in ("LSHO", "RWAI")]] = np.nan
-    with pytest.raises(SubjectError, match=r"Ann: fewer than three torso markers were seen \(unseen: LSHO, RWAI\)"):
+    with pytest.raises(SubjectError, match=r"Ann: fewer than three torso markers were visible \(hidden: LSHO, RWAI\)"):
         calibrate_subject(torso_unseen, BOXING, PROTOTYPES, "Ann")
 
 

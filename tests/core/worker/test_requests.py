@@ -182,5 +182,5 @@ def test_the_kept_backgrounds_are_read_without_trust(tmp_path: Any) -> None:
         with pytest.raises(CaptureError, match=r"a\.npz: "):
             _read_backgrounds(path)
     write_arrays(path, {"0": np.zeros((4, 6, 3)), "1": np.zeros((4, 5, 3))}, packed=False)
-    with pytest.raises(CaptureError, match="are not colour images of one size"):
+    with pytest.raises(CaptureError, match="are not colour images of the same size"):
         _read_backgrounds(path)
