@@ -84,7 +84,7 @@ def test_cameras_close_together_are_unsure(rig):
 
 
 def test_too_few_markers_are_refused(rig):
-    with pytest.raises(CalibrationError, match="200 at 20 are needed"):
+    with pytest.raises(CalibrationError, match="at least 200 positions at 20 moments are needed"):
         refine_rig(rig, marker_frames(rig, 30, 2))
     with pytest.raises(CalibrationError, match="0 marker positions"):
         refine_rig(rig, [])
