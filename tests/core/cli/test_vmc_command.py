@@ -153,7 +153,7 @@ def test_bad_input_is_told(tmp_path, capsys):
     told = capsys.readouterr().err
     assert "0 frames with bones arrived" in told and "127.0.0.1" in told
     assert main([*line, str(tmp_path / "nothing.fbx")]) == 1
-    assert "cannot be written" in capsys.readouterr().err
+    assert "does not have an extension that can be written" in capsys.readouterr().err
     assert not list(tmp_path.iterdir())
     for words in (["--to", "nowhere"], ["--to", "host:0"], ["--to", "host:70000"], ["--rate", "-1"], ["--rate", "x"]):
         with pytest.raises(SystemExit) as wrong:
