@@ -88,7 +88,11 @@ class PERFANIM_OT_build_database(FilesOperator, _BuildingOperator, bpy.types.Ope
         sources = self.chosen_files()
         for source in sources:
             if not exists(source):
-                raise DatabaseError("not found", where=source or "import", advice="choose motion files, or a folder")
+                raise DatabaseError(
+                    "not found" if source else "nothing is chosen",
+                    where=source or "import",
+                    advice="choose motion files, or a folder",
+                )
         folder = Path(sources[0]) if len(sources) == 1 else Path(self.directory)
         return ["database", "build", *sources, *self.build_options(context, folder.stem)]
 

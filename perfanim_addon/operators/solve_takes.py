@@ -105,7 +105,9 @@ class PERFANIM_OT_import_takes(FilesOperator, SolvingOperator, bpy.types.Operato
         files = self.chosen_files()
         for file in files:
             if not is_file(file):
-                raise TakeError("not found", where=file or "import", advice="choose marker takes")
+                raise TakeError(
+                    "not found" if file else "nothing is chosen", where=file or "import", advice="choose marker takes"
+                )
         subject = absolute(chosen.subject)
         performer = ["--subject", subject] if subject else ["--height", str(chosen.subject_height)]
         markers = ["--marker-set", readiness.marker_set_source(chosen)]
