@@ -157,7 +157,7 @@ $(STAMP): pyproject.toml
 .venv-bpy-%/.installed: pyproject.toml tools/wheels.txt
 	$(PYTHON_OF_$*) -m venv .venv-bpy-$*
 	.venv-bpy-$*/bin/$(PIP_INSTALL) --requirement tools/wheels.txt 'bpy==$*.*' 'numpy==$(NUMPY_OF_$*).*' \
-	  pytest pytest-xdist hypothesis
+	  pytest pytest-xdist hypothesis markdown-it-py
 	.venv-bpy-$*/bin/$(PIP_INSTALL) --no-deps --editable .
 	touch $@
 
