@@ -3,7 +3,8 @@
 import re
 
 MOST_TEXT = 300  # longest message, characters
-_MOST_FACT, _MOST_PLACE = 190, 90  # longest fact and place, characters, in a message that is too long
+# in a message that is too long: largest length of `what`, and length that `where` always has, characters
+_MOST_WHAT, _ALWAYS_WHERE = 190, 90
 # list of four or more items; anchored where a clause starts, because trying every character takes quadratic time
 _LIST = re.compile(r"(?:^|(?<=[,;():]))[^,;():]+(?:, [^,;():]+){3,}")
 _CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029]")  # line breaks, and characters that control a terminal
@@ -61,8 +62,8 @@ class PerfanimError(Exception):
     def __init__(self, what: str, *, where: str = "", advice: str = "") -> None:
         where, what, advice = map(printable, (where, what, advice))
         if len(where) + len(what) + len(advice) + 4 > MOST_TEXT:
-            what = fit_sentence(what, _MOST_FACT)
-            where = _fit_place(where, max(_MOST_PLACE, MOST_TEXT - 4 - len(what) - len(advice)))
+            what = fit_sentence(what, _MOST_WHAT)
+            where = _fit_place(where, max(_ALWAYS_WHERE, MOST_TEXT - 4 - len(what) - len(advice)))
             where = _fit_place(where, MOST_TEXT - 4 - len(what))
             advice = fit_sentence(advice, MOST_TEXT - 4 - len(what) - len(where))
         self.what = what

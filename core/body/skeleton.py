@@ -15,7 +15,7 @@ from ..geometry import rotations as rot
 from ..geometry.arrays import Array, IntArray, Mask
 
 MOST_JOINTS = 2000  # largest number of joints in a file
-_LONGEST_BONE_M = 10.0  # length above which bones are in a wrong unit
+_LONGEST_BONE_M = 10.0  # a longer bone means that the file is in the wrong unit
 _UNIT = np.eye(3)
 
 

@@ -57,6 +57,12 @@ def facts_of(joint: str) -> dict[str, Any]:
     return rows[joint] if joint in rows else rows[joint[1:]]
 
 
+def joint_label(joint: str) -> str:
+    """Return a joint's label, such as "Thigh L" for "lfemur"."""
+    label = str(facts_of(joint)["label"])
+    return label if joint in TABLES["joint"] else f"{label} {joint[0].upper()}"
+
+
 def _joint_of(name: str) -> tuple[str, Array, Array]:
     row, side = facts_of(name), "" if name in _MIDDLE else name[0]
     mirror = np.array([-1.0 if side == "r" else 1.0, 1.0, 1.0])

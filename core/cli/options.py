@@ -90,13 +90,13 @@ def add_group(subparsers: Any, name: str, description: str) -> Any:
 
 
 def seed(text: str) -> int:
-    """Return a seed, a whole number of at least 0."""
+    """Return a seed, a whole number from 0."""
     try:
         number = int(text)
     except ValueError:
         number = -1
     if number < 0:
-        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number of at least 0")
+        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number, 0 or greater")
     return number
 
 
@@ -107,7 +107,7 @@ def positive(text: str, most: float, unit: str) -> float:
     except ValueError:
         number = 0.0
     if not 0.0 < number <= most:
-        raise argparse.ArgumentTypeError(f"{text!r} is not a number of {unit} above 0, up to {most:g}")
+        raise argparse.ArgumentTypeError(f"{text!r} is not above 0 and at most {most:g} {unit}")
     return number
 
 

@@ -27,7 +27,8 @@ class PointKind(Enum):
     """Kind of the points in a set."""
 
     MARKERS = "markers"  # fixed to the body, accurate to millimetres
-    KEYPOINTS = "keypoints"  # found in images by a network, near joints, with lasting errors of centimetres
+    # found in images by a neural network, near joints, with errors of centimetres that last for many frames
+    KEYPOINTS = "keypoints"
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ class SourceNoise:
     lasting_m: float  # standard deviation of errors that last for many frames, so that smoothing cannot remove them
     calm_hz: float  # highest cut-off for poses of recorded takes; above it there is only noise
     calmest_hz: float  # lowest cut-off, for slow motion
-    calmed_m: float  # largest RMS change of a joint by a lower cut-off, less than lasting errors
+    calmed_m: float  # largest RMS displacement of a joint that lowering the cut-off may cause; below `lasting_m`
 
 
 _NOISES = {

@@ -11,7 +11,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from ..body.standard_skeleton import JOINT_NAMES
+from ..body.standard_skeleton import JOINT_NAMES, joint_label
 from ..errors import CharacterError
 from .armature_rest import ArmatureRest
 from .bone_name_parser import LIMB_WORDS
@@ -116,7 +116,10 @@ def checked_map(rest: ArmatureRest, bones: Mapping[str, str], origin: str, swapp
         raise CharacterError("the armature has no bone " + _listed(unknown), advice="choose another map or bones")
     lacking = [joint for joint in NEEDED if joint not in bones]
     if lacking:
-        raise CharacterError("no bone is given for " + _listed(lacking), advice="choose these bones")
+        raise CharacterError(
+            "no bone is given for " + _listed([joint_label(joint) for joint in lacking]),
+            advice="choose a bone for each",
+        )
     found = {joint: rest.index[bone] for joint, bone in bones.items()}
     _check_biped(rest, found)
     suspect = _suspect_joints(rest, found)

@@ -23,7 +23,8 @@ _EXAMPLES = 2048  # number of database poses for labelling without history
 _EVERY = 2  # step between those of these poses that are used to label points
 _SAME_M = 0.02  # distance up to which two points are the same
 _NOTHING_COST = 8.0  # cost of each point in a frame without labels
-_FIT_M, _UNFIT_M = 0.01, 0.03  # RMS distance of a marker from the solved body with a cost of 0.5; cap on this distance
+# RMS distance of the markers from the solved body at which each located marker costs 0.5; cap on this distance
+_FIT_M, _UNFIT_M = 0.01, 0.03
 
 
 class AlternativeLabels(NamedTuple):

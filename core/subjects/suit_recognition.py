@@ -50,9 +50,9 @@ class RecognitionSettings:
     frames: int = 40  # number of frames, spread over the take, from which the mean shape is made
     compared: int = 12  # number of these frames in which bodies are compared
     shape_rounds: int = 8  # rounds in which frames are superimposed
-    rest_m: float = 0.03  # spread of a trajectory on the trunk when the trunk is at rest
-    radius_m: tuple[float, float] = (0.2, 1.2)  # RMS radius of a mean shape in metres; another is in a wrong unit
-    usual_radius_m: float = 0.5  # RMS radius to which a shape in a wrong unit is scaled
+    rest_m: float = 0.03  # spread of a trunk marker once frames are aligned on the trunk; it limits the weights
+    radius_m: tuple[float, float] = (0.2, 1.2)  # range of the RMS radius of a mean shape; outside it, the unit is wrong
+    usual_radius_m: float = 0.5  # RMS radius to which a shape in the wrong unit is scaled
     sizes: tuple[float, float] = (0.5, 5.0)  # range of a set's number of markers, relative to that of trajectories
     poses: int = 16  # number of typical poses from the database
     headings: int = 16

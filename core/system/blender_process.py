@@ -57,6 +57,6 @@ def _command(blender: str | None, entry: str, arguments: Sequence[str]) -> list[
     if blender is None:
         package = __name__.partition(".core.")[0]
         return [sys.executable, "-m", entry.partition(":")[0].replace("perfanim", package, 1), *arguments]
-    order = helper_process.order(entry, arguments)
+    order = helper_process.run_request(entry, arguments)
     options = ("--background", "--factory-startup", "--disable-autoexec", "--python-exit-code", "1")
     return [blender, *options, "--python", helper_process.SCRIPT, "--", order]

@@ -2,8 +2,8 @@
 
 A new process cannot import the package by name, because the extension's folder may have any name (in Blender it is
 bl_ext.<repository>.perfanim). Therefore this file is run by its path, imports only the standard library, and creates
-the package from its folder. The order, which says what to run, is one line of JSON on standard input, because other
-users can read a command line; only Blender, which runs this file with `--python`, gets it after "--".
+the package from its folder. The request, which says what to run, is one line of JSON on standard input, because
+other users can see a command line; only Blender, which runs this file with `--python`, gets it after "--".
 """
 
 import importlib
@@ -23,8 +23,8 @@ def command(python: str) -> list[str]:
     return [python, "-I", SCRIPT]
 
 
-def order(run: Callable[..., Any] | str, *arguments: Any, paths: Sequence[str] | None = None) -> str:
-    """Return the order for a helper process: one line of JSON without a line break.
+def run_request(run: Callable[..., Any] | str, *arguments: Any, paths: Sequence[str] | None = None) -> str:
+    """Return a request to run a function in a helper process: one line of JSON without a line break.
 
     Args:
         run: Function at the top level of a module; its return value becomes the exit status. A string ("module:name",

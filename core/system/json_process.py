@@ -29,7 +29,7 @@ class JsonProcess:
         self._input = cast(IO[bytes], self._process.stdin)
         self._output = cast(BufferedReader, self._process.stdout)
         with suppress(BrokenPipeError):  # the first request will fail, too
-            self._send(helper_process.order(serve))
+            self._send(helper_process.run_request(serve))
 
     def ask(self, request: str) -> str:
         """Send a line and return the line with the answer."""

@@ -71,7 +71,7 @@ class ChildProcess:
         )
 
     def _send_order(self, port: int, token: str, job: str) -> None:
-        order = helper_process.order(process.main, port, token, job, paths=library_paths())
+        order = helper_process.run_request(process.main, port, token, job, paths=library_paths())
         if self._process.stdin is not None:
             self._process.stdin.write(order.encode("utf-8") + b"\n")
             self._process.stdin.flush()

@@ -71,7 +71,7 @@ class WorkerClient:
 
     @property
     def process_id(self) -> int:
-        """Id of the current process."""
+        """Process id of the worker that is running now; it changes with a restart."""
         return self._process.id
 
     @property

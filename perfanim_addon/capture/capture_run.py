@@ -18,7 +18,7 @@ from ...core.worker.client import WorkerClient
 from ...core.worker.job_status import JobStatus
 from ...core.worker.protocol import Message, MessageKind
 from ...core.worker.restart_point import RestartPoint
-from ...core.worker.supervised_client import SupervisedClient
+from ...core.worker.restarting_client import RestartingClient
 from .pose_log import PoseLog
 from .tuning import TUNING
 
@@ -69,7 +69,7 @@ class CaptureRun:
         self.error: PerfanimError | None = None
         self.statistics = Statistics()
         self._client = client
-        self._supervised = SupervisedClient(client, "the solver process", self._on_restart)
+        self._solver_process = RestartingClient(client, "the solver process", self._on_restart)
         self._clock = clock
         self._arrivals: deque[float] = deque()
         self._stamp = 0.0
@@ -100,7 +100,7 @@ class CaptureRun:
             return None
         before, taken = len(self.poses), self._taken
         try:
-            for message in self._supervised.poll():
+            for message in self._solver_process.poll():
                 self._take(message)
         except PerfanimError as error:
             self.error = self.error or error
@@ -198,7 +198,7 @@ class CaptureRun:
         figures.solve_s = solved.solve_s
         figures.confidence = solved.pose.performers[0].confidence
         self._stamp = solved.stamp_s
-        self._supervised.note_frame(solved.pose.number, solved.pose.time_s, solved.stamp_s)
+        self._solver_process.note_frame(solved.pose.number, solved.pose.time_s, solved.stamp_s)
         self._restarting = ""
         self._last_arrival = self._clock()
         self._arrivals.append(self._last_arrival)

@@ -4,7 +4,7 @@ from typing import Any
 
 import bpy
 
-from ...core.body.standard_skeleton import JOINT_NAMES, TABLES, facts_of
+from ...core.body.standard_skeleton import JOINT_NAMES
 from ...core.errors import CharacterError
 from ...core.retarget.bone_map import BoneMap, JointMatch, MatchState, checked_map
 from ...core.retarget.retargeter import RootMotion
@@ -16,12 +16,6 @@ _ROOT_MOTIONS = (
     ("ROOT_BONE", "Root Bone", "The topmost bone above the hips receives the motion along the floor, or else the hips"),
     ("OBJECT", "Object", "The armature object receives the motion along the floor, as its delta transform"),
 )
-
-
-def joint_label(joint: str) -> str:
-    """Return a joint's label for the panel, such as "Thigh L" for "lfemur"."""
-    label = str(facts_of(joint)["label"])
-    return label if joint in TABLES["joint"] else f"{label} {joint[0].upper()}"
 
 
 def _edited(self: Any, _context: object) -> None:

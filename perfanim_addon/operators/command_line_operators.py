@@ -30,7 +30,7 @@ def run(arguments: Sequence[str]) -> int:
     python = preferences.worker_python(bpy.context) or sys.executable
     # retargeting runs in another process of this Blender, unless Blender is a Python module ("" as its path)
     environment = {BLENDER_VARIABLE: bpy.app.binary_path, **os.environ}
-    order = helper_process.order(in_blender.run, list(arguments), paths=library_paths())
+    order = helper_process.run_request(in_blender.run, list(arguments), paths=library_paths())
     with subprocess.Popen(helper_process.command(python), stdin=subprocess.PIPE, env=environment) as process:
         if process.stdin is not None:
             process.stdin.write(order.encode() + b"\n")

@@ -4,9 +4,9 @@ from typing import Any
 
 import bpy
 
+from ...core.body.standard_skeleton import joint_label
 from ...core.retarget.bone_map import EXPECTED, MatchState
 from ...core.retarget.bone_map_files import preset_paths
-from ..character.bone_map_settings import joint_label
 from ..character.create_character import joints_without_bone
 from ..character.retarget_plans import PRESETS_FOLDER
 from ..preferences.paths import user_folder

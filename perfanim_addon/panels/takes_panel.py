@@ -137,7 +137,7 @@ def why_not_good(take: TakeSummary) -> str:
 
 
 def _draw_refined(context: bpy.types.Context, layout: bpy.types.UILayout, path: str) -> None:
-    """Draw how refining with a take changes the performer, and both answers."""
+    """Draw how refining with a take changes the performer and, except during a capture, the buttons Use and Keep."""
     found = offer.refined
     if found is None or found.take != path:
         return

@@ -7,6 +7,7 @@ from typing import Any
 import bpy
 import numpy as np
 
+from ...core.body.standard_skeleton import joint_label
 from ...core.errors import CharacterError, SettingsError
 from ...core.geometry.arrays import Array
 from ...core.sketch.key_interpolation import curve_positions
@@ -14,7 +15,6 @@ from ...core.sketch.sketch_file import Control, Sketch
 from ..animation.actions import present_frame
 from ..blender_versions import action_curves, play, play_only, played
 from ..capture.capture_space import CaptureSpace
-from ..character.bone_map_settings import joint_label
 from ..character.retarget_plans import bones_of
 from ..character.selection import leave_modes, select_only
 

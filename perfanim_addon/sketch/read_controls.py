@@ -27,7 +27,7 @@ def read_controls(
     dragged: bool = False,
     seen: Mapping[str, Control] | None = None,
 ) -> Sketch:
-    """Return the sketch of a character's keyed controls, with the scene's frames.
+    """Return the sketch of a character's keyed controls, with keys numbered by scene frame.
 
     Keys are binding; breakdown keys only if they are the first or the last. Between keys a control follows its
     F-curves, or its motion in the scene if it has a path, a parent or a bone to follow.

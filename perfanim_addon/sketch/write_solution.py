@@ -8,7 +8,7 @@ import bpy
 import numpy as np
 
 from ...core.body.skeleton import Skeleton
-from ...core.body.standard_skeleton import JOINT_NAMES
+from ...core.body.standard_skeleton import JOINT_NAMES, joint_label
 from ...core.errors import CharacterError, SettingsError, counted
 from ...core.sketch.sketch_file import Sketch
 from ...core.sketch.sketch_messages import SolvedSketch, settings_from, sketch_from
@@ -18,7 +18,6 @@ from ...core.system.schema import table_of
 from ..animation.actions import write_action
 from ..animation.keyframes import KeyBounds
 from ..capture.capture_space import CaptureSpace
-from ..character.bone_map_settings import joint_label
 from ..character.part_bones import bones_of_parts
 from ..character.retarget_plans import plan_for
 from ..settings.capture_settings import settings

@@ -279,7 +279,7 @@ def record_frames(out: Path, setup: TakeSetup, frames: Iterable[MarkerFrame], *,
 
 
 def _open_locked(path: Path, flags: int) -> int:
-    """Return the handle of a file locked for this process."""
+    """Open a file, creating its folder, and return its handle, locked unless another process keeps the lock."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         handle = os.open(path, os.O_RDWR | flags | getattr(os, "O_BINARY", 0), 0o666)

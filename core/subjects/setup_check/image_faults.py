@@ -25,7 +25,8 @@ class ImageLimits:
     most_empty: float = 0.5  # share of images with hardly any blobs above which no markers are measured
     blunt_px: float = 3.2  # edge width above which the image is blurred; a sharp edge has about 2
     still_px_s: float = 40.0
-    fast_px_s: tuple[float, float] = (120.0, 80.0)  # speed from which markers are fast; if few are, the second
+    # speed above which a marker is fast; the second applies if few exceed the first
+    fast_px_s: tuple[float, float] = (120.0, 80.0)
     fewest_fast: int = 15
     long_s: float = 0.009  # exposure above which the shutter is too slow: 3 cm at 3 m/s
     streak_px: float = 1.0  # shortest streak that is measured

@@ -18,8 +18,8 @@ def check_image_size(size: tuple[int, int], file_bytes: int, where: str) -> None
     """Reject a picture (width, height) whose pixels need far more bytes than its file has; a stream has 0 bytes."""
     width, height = size
     if is_over_budget(width * height * 3, file_bytes):
-        what = f"has {width} x {height} pixels, which is far too many"
-        raise CaptureError(what, where=where, advice="give smaller pictures")
+        what = f"has {width} x {height} pixels, far more than its data can hold"
+        raise CaptureError(what, where=where, advice="use smaller images")
 
 
 def image_size(data: bytes) -> tuple[int, int]:

@@ -27,7 +27,7 @@ class SourceSettings:
     late: float = 0.25  # time after the start of the last set in which an image is too late for the next one, periods
     patience: float = 2.0  # longest wait for the other cameras' images, periods
     # videos
-    other_rate: float = 1.2  # ratio of two videos' rates above which the slower one determines the moments
+    other_rate: float = 1.2  # ratio of two videos' rates above which image sets follow the slower one's frames
     same_rate: float = 1.001  # largest ratio of the rates of videos that should have the same number of images
     end_frames: int = 2  # largest difference between the ends of videos, frames
     stamp_jitter: float = 0.25  # largest deviation of a video's time stamps from a steady rate, frames

@@ -38,7 +38,7 @@ class VideoSource(ClosableSource):
     Images have the time stamps of their videos, so that variable rates and lost frames are preserved; times within a
     quarter of a frame of a steady rate are rounded to it. An image set contains the images of one moment. An
     image that one video lacks, or shows twice while another goes on, is marked unusable. If videos have different
-    rates, the slowest determines the moments.
+    rates, the image sets follow the frames of the slowest.
 
     Args:
         paths: Video files or addresses of videos, one per camera.

@@ -18,7 +18,7 @@ from ..channel import Channel
 from ..client import WorkerClient
 from ..protocol import Message, MessageKind
 from ..restart_point import RestartPoint
-from ..supervised_client import SupervisedClient
+from ..restarting_client import RestartingClient
 from ..worker_settings import WORKER
 from .capture_stages import CameraReport, FrameRecorder, PoseOutput
 
@@ -46,7 +46,7 @@ class CaptureLoop:
         is_live: bool,
     ) -> None:
         self._client = client
-        self._cameras = SupervisedClient(client, "the camera process", self._on_restart)
+        self._cameras = RestartingClient(client, "the camera process", self._on_restart)
         self._recorder = recorder
         self._session = session
         self._output = output

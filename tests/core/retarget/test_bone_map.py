@@ -166,7 +166,7 @@ def test_doubtful_joints_say_why() -> None:
     assert not crossed.complete
     with pytest.raises(CharacterError, match="no bone nose"):
         checked_map(rest, wanted | {"head": "nose"}, "chosen by hand")
-    with pytest.raises(CharacterError, match="no bone is given for lfemur"):
+    with pytest.raises(CharacterError, match="no bone is given for Thigh L"):
         checked_map(rest, {joint: bone for joint, bone in wanted.items() if joint != "lfemur"}, "chosen by hand")
 
 

@@ -44,7 +44,7 @@ def test_a_function_that_a_string_names_is_there(path: Path, text: str) -> None:
 def test_a_function_is_told_by_its_own_module() -> None:
     from perfanim.core.worker import process
 
-    told = json.loads(helper_process.order(process.main, 1, "token", "capture"))
+    told = json.loads(helper_process.run_request(process.main, 1, "token", "capture"))
     assert told["run"] == f"{process.__name__}:main"
     assert (Path(told["root"]) / "blender_manifest.toml").is_file()
 
@@ -53,7 +53,7 @@ def test_a_function_is_told_by_its_own_module() -> None:
 def test_a_function_runs_with_the_package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, is_blender: bool) -> None:
     (tmp_path / "for_bootstrap.py").write_text(ASKED)
     monkeypatch.syspath_prepend(tmp_path)
-    command, order = helper_process.command(sys.executable), helper_process.order("for_bootstrap:asked", "naïve", 3)
+    command, order = helper_process.command(sys.executable), helper_process.run_request("for_bootstrap:asked", "naïve", 3)
     if is_blender:  # its own arguments come first, and Ctrl-C is its affair
         command, lines = [*command, "--background", "--", order], "more"
     else:

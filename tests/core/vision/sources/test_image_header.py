@@ -58,7 +58,7 @@ def bomb(side: int) -> bytes:
 WHOLE = KINDS[".png"]
 START = WHOLE.index(b"IDAT") - 4
 CASES = {
-    "pixels": (None, "has 12000 x 12000 pixels, which is far too many; give smaller pictures"),
+    "pixels": (None, "has 12000 x 12000 pixels, far more than its data can hold; use smaller images"),
     "a part": (WHOLE[:START] + b"\x70\0\0\0" + WHOLE[START + 4 :], "not a readable image (cut off in its part"),
     "a part behind the end": (
         WHOLE.replace(b"IDAT", b"I\0\0\0") + b"\x70\0\0\0IDAT",

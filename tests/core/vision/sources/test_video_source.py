@@ -198,5 +198,7 @@ def test_small_video_of_huge_images_is_refused_before_decoding(tmp_path, monkeyp
     path = video(tmp_path / "a.avi", 3)
     check_image_size((64, 48), path.stat().st_size, "a")
     monkeypatch.setattr(files, "SLACK_BYTES", 9000 - 4 * path.stat().st_size)
-    with pytest.raises(CaptureError, match=r"a\.avi: has 64 x 48 pixels, which is far too many; give smaller pictures"):
+    with pytest.raises(
+        CaptureError, match=r"a\.avi: has 64 x 48 pixels, far more than its data can hold; use smaller images"
+    ):
         VideoSource([path, path])

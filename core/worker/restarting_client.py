@@ -8,7 +8,7 @@ from .protocol import Message
 from .restart_point import RestartPoint
 
 
-class SupervisedClient:
+class RestartingClient:
     """Polls a worker, and replaces it if that is allowed.
 
     The request for the new process has two additional keys, `after` and `cause`.
