@@ -60,8 +60,8 @@ bpy-test-%:
 	$(MAKE) .venv-bpy-$*/.installed && .venv-bpy-$*/bin/python -m pytest tests/addon -n auto --dist loadfile
 
 MARK ?= not benchmark and not walkthrough
-window-test: $(STAMP) ## the add-on in a window (BLENDER=COMMAND that starts one); MARK=walkthrough, MARK=benchmark
-	$(BIN)/python -m pytest tests/window -m '$(MARK)'
+window-test: $(STAMP) ## the add-on in a window (BLENDER=COMMAND that starts one), or WINDOWS=2; MARK=walkthrough|benchmark
+	$(BIN)/python -m pytest tests/window -m '$(MARK)' $(if $(WINDOWS),-n $(WINDOWS) --dist loadfile --no-loadscope-reorder)
 
 extras-test: .venv-gplvm/.installed .venv-prior/.installed .venv-fuzz/.installed ## GPLVM, training of the prior, guided fuzzing
 	.venv-gplvm/bin/python -m pytest tests/gplvm

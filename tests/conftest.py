@@ -15,9 +15,12 @@ ROOT = Path(__file__).resolve().parent.parent
 SHARED = ROOT.parent / "shared"
 # The longest files, which begin first: one that began last would leave the other processes with nothing to do.
 LONGEST = (
+    "window/test_first_hour.py",
+    "window/test_walkthrough.py",
+    "window/test_newcomer.py",
+    "window/test_capture.py",
     "setup_check/test_setup_check.py",
     "bench/test_command.py",
-    "bench/test_robustness.py",
     "simulate/test_demo.py",
     "jobs/test_check_setup.py",
     "subjects/test_suit_recognition.py",
@@ -48,7 +51,6 @@ LONGEST = (
     "capture/test_performers.py",
     "take/test_import_takes.py",
     "sketch/test_sketch.py",
-    "bench/test_sketch.py",
     "fuzz/test_damaged_inputs.py",
     "tools/test_sketch_sample.py",
     "take/test_export_take.py",

@@ -89,6 +89,7 @@ def test_a_fox_is_refused_with_the_reason(shared_dir: Path, tmp_path: Path) -> N
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.long
 def test_a_generated_control_rig_is_driven_by_its_controls(tmp_path: Path) -> None:
     """Rigify: limbs switched to forward kinematics, and what is measured are the deform bones at the chain's end."""
     import addon_utils

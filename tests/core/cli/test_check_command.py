@@ -69,6 +69,7 @@ def test_bad_input_is_one_line(folder, capsys, more, text):
     assert text in lines[0]
 
 
+@pytest.mark.long
 def test_reflections_are_noted_in_the_calibration_and_forgotten_again(tmp_path, capsys, monkeypatch):
     monkeypatch.setattr(practice_studio, "FPS", 15.0)  # half the pictures
     studio = studio_with(Fault.REFLECTION, np.random.default_rng(18))

@@ -60,6 +60,7 @@ def test_body_and_offsets_come_closer_to_the_truth(embedded_motion, take, worn, 
     assert fit.marker_set.names == take.names
 
 
+@pytest.mark.long
 def test_frames_are_chosen_over_the_whole_take_and_hidden_markers_left_out(take, wrong_start, database):
     short = frames_of(take, slice(0, 40))
     gaps = short.positions_m.copy()
@@ -78,6 +79,7 @@ def test_frames_are_chosen_over_the_whole_take_and_hidden_markers_left_out(take,
     np.testing.assert_allclose(bones(fit.skeleton), bones(alone.skeleton), atol=1e-3)
 
 
+@pytest.mark.long
 def test_markers_on_wands_are_found_where_they_are(embedded_motion, database):
     """Clinical suits have some a hand's breadth and more beside thigh and shank, where no usual place is."""
     suit = load_marker_set("plug-in-gait")

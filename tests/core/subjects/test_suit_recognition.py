@@ -44,6 +44,7 @@ def test_unknown_labels_become_those_of_the_suit_that_moves_like_them(unknown, d
     assert any("31 of 32 markers were recognised" in note for note in named.notes)
 
 
+@pytest.mark.long
 def test_labels_of_a_suit_that_are_exchanged_among_themselves_are_told_and_found_by_the_motion(
     few_suits, unknown, database
 ):

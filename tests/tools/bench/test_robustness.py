@@ -42,6 +42,7 @@ def heading(motion):
     return np.arctan2(forward[0], forward[2])
 
 
+@pytest.mark.long
 def test_robustness_writes_what_it_measures(data, tmp_path):
     sizes = Sizes(takes=2, cuts=2, t_pose_frames=4, noisy_frames=6, passes=2, films=0, absences=1)
     figures = robustness(Run(data, tmp_path, 1), sizes=sizes)

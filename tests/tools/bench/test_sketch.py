@@ -71,6 +71,7 @@ def test_takes_are_out_of_the_database_or_end_early(database, tmp_path):
     assert set(clips) == {clip.name for clip in database.clips} - {"walking-01-neutral"}
 
 
+@pytest.mark.long
 def test_table_compares_all_methods(embedded_motion, tmp_path, monkeypatch):
     folder = tmp_path / "cmu"
     folder.mkdir()

@@ -26,6 +26,7 @@ def data(embedded_motion, tmp_path):
     return folder
 
 
+@pytest.mark.long
 def test_a_suit_is_solved_with_nine_markers(data, tmp_path, monkeypatch):
     monkeypatch.setattr("bench.suits.SUITS", {"walk": "walk.trc"})
     monkeypatch.setattr("bench.suits.keypoints", lambda run: ([], {}))

@@ -78,6 +78,7 @@ def test_error_of_a_wrong_board_size_names_the_right_one(few, wrong):
         calibrate_images(patterns_in(few), parse_board(f"chessboard:{wrong}:24mm"), silent)
 
 
+@pytest.mark.long
 def test_unreadable_and_unpaired_pictures_are_rejected_with_reasons(few, shared_dir):
     copied(shared_dir, few, (4, 13))
     (few / "left04.jpg").write_bytes(b"no picture")
@@ -98,6 +99,7 @@ def test_all_pictures_unreadable_is_an_error(few):
         calibrate_images(patterns_in(few), parse_board("chessboard:9x6:24mm"), silent)
 
 
+@pytest.mark.long
 def test_exchanged_folders_and_missing_files_are_errors(few):
     swapped = {"left": f"{few}/right*.jpg", "right": f"{few}/left*.jpg"}
     with pytest.raises(CalibrationError, match="exchange"):

@@ -80,6 +80,7 @@ def test_a_fault_to_practise_on_is_named(fault: Fault, checked_here: Any, reflec
     assert (ringed > 20) == (fault is Fault.REFLECTION)
 
 
+@pytest.mark.long
 def test_reflections_that_are_ignored_are_no_fault_and_are_crossed_out(checked_here: Any, reflections: Any) -> None:
     places = [place for row in reflections[0]["findings"] for place in row["places"]]
     assert places

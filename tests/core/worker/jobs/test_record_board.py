@@ -44,6 +44,7 @@ def blank(tmp_path: Path) -> dict[str, Any]:
     return {"kind": "images", "paths": [str(tmp_path / "l"), str(tmp_path / "r")], "fps": 5.0}
 
 
+@pytest.mark.long
 def test_views_are_taken_until_it_is_told_to_finish(tmp_path: Path) -> None:
     (tmp_path / "left").mkdir()
     (tmp_path / "left" / "old.png").touch()
