@@ -20,7 +20,7 @@ def report(tmp_path_factory):
     out = tmp_path_factory.mktemp("demo")
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(run_demo, "calibrate_studio", partial(calibrate_studio, pictures=10))
-        assert main(["demo", "--out", str(out), "--seconds", "4"]) == 0
+        assert main(["demo", "--out", str(out), "--seconds", "5"]) == 0
     return json.loads((out / "report.json").read_text())
 
 

@@ -53,11 +53,12 @@ def test_a_function_is_told_by_its_own_module() -> None:
 def test_a_function_runs_with_the_package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, is_blender: bool) -> None:
     (tmp_path / "for_bootstrap.py").write_text(ASKED)
     monkeypatch.syspath_prepend(tmp_path)
-    command, order = helper_process.command(sys.executable), helper_process.run_request("for_bootstrap:asked", "naïve", 3)
+    command = helper_process.command(sys.executable)
+    request = helper_process.run_request("for_bootstrap:asked", "naïve", 3)
     if is_blender:  # its own arguments come first, and Ctrl-C is its affair
-        command, lines = [*command, "--background", "--", order], "more"
+        command, lines = [*command, "--background", "--", request], "more"
     else:
-        lines = f"{order}\nmore"
+        lines = f"{request}\nmore"
     # the tests themselves may have been started in the background, where Ctrl-C is ignored
     heeded = None if sys.platform == "win32" else partial(signal.signal, signal.SIGINT, signal.default_int_handler)
     done = subprocess.run(command, input=lines, capture_output=True, text=True, check=False, preexec_fn=heeded)
