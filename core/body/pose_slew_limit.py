@@ -7,7 +7,6 @@ limited: they show another person, or the same one after a gap.
 """
 
 from collections import deque
-from collections.abc import Sequence
 
 import numpy as np
 
@@ -63,7 +62,6 @@ class PoseSlewLimit:
         points_m: Array,
         held: bool = False,
         labels_known: bool = True,
-        doubtful: Sequence[int] = (),
     ) -> Array:
         """Return the next pose's limited rotations (J, 4).
 
@@ -71,7 +69,6 @@ class PoseSlewLimit:
             points_m: Located markers (M, 3), NaN where hidden.
             held: Keep the joints at their current rotations.
             labels_known: The source labelled the markers.
-            doubtful: Joints that are probably wrong; they are limited as if a marker had appeared or disappeared.
         """
         frames = (time_s - self._time_s) / _FRAME_S
         in_root_m = (points_m - root_position_m) @ rot.to_matrix(rotations[0])
@@ -87,7 +84,7 @@ class PoseSlewLimit:
         else:
             self._changed, changed = seen != self._seen, self._changed
             self._seen = seen
-            limited = self._limited(frames, rotations, in_root_m, self._changed | changed, held, doubtful)
+            limited = self._limited(frames, rotations, in_root_m, self._changed | changed, held)
             self._shown = limited if self._new == 0 else rotations
             self._new = max(self._new - 1, 0)
         self._time_s, self._raw, self._in_root_m = time_s, rotations, in_root_m
@@ -110,9 +107,7 @@ class PoseSlewLimit:
         moved = np.sum(np.fmin.reduce(others_m, axis=1, initial=np.inf) > _EXCHANGED_M * frames[far])
         return bool(moved >= max(_CUT_MARKERS, share * np.isfinite(points_m[:, 0]).sum()))
 
-    def _limited(
-        self, frames: float, rotations: Array, in_root_m: Array, changed: Mask, held: bool, doubtful: Sequence[int]
-    ) -> Array:
+    def _limited(self, frames: float, rotations: Array, in_root_m: Array, changed: Mask, held: bool) -> Array:
         """Return the rotations (J, 4), limited relative to the last pose shown.
 
         Args:
@@ -123,8 +118,6 @@ class PoseSlewLimit:
         self._turns.append(raw / frames)
         angle = np.maximum(rot.lengths(turn), 1e-12)
         limit = self._limits(frames, in_root_m, changed, turn / angle[:, None])
-        if doubtful:
-            limit[list(doubtful)] = np.minimum(limit[list(doubtful)], _AT_CHANGE_RAD)
         share = np.zeros(len(turn)) if held else limit * frames / angle
         share[0] = 1.0
         late = share < 1.0

@@ -47,7 +47,8 @@ class PerformerPose:
     Args:
         rotations: Parent-from-joint quaternions (J, 4) relative to rest; the root's is world-from-root.
         root_position_m: World position (3,) of the root.
-        confidence: 0 (guessed) to 1 (all markers seen and explained, motion like the database).
+        confidence: 0 (guessed) to 1: the geometric mean of the confidences in the parts (see `part_confidences`),
+            lowered if markers are unexplained, labels uncertain, or the body tilted unlike its examples.
         markers_m: The subject's markers (M, 3) on the solved pose.
         observed_m: Positions (M, 3) where the markers were located, NaN elsewhere.
         single_cameras: The only camera (M,) that saw each marker; -1 if none did or the marker was located.
@@ -89,9 +90,33 @@ class PerformerPose:
         return self.confidence < DOUBTFUL
 
     @property
+    def part_confidences(self) -> Array:
+        """Confidences (P,) in the parts; their geometric mean is `confidence`. Empty if the errors are unknown."""
+        if not len(self.part_errors_deg):
+            return np.empty(0)
+        others = self.confidence / max(body_confidence(self.part_errors_deg), 1e-9)
+        return np.minimum(others, 1.0) * part_confidences(self.part_errors_deg)
+
+    @property
     def doubtful_parts(self) -> list[str]:
         """The parts that are probably wrong."""
         return doubtful_parts(self.part_errors_deg)
+
+
+def part_confidences(errors_deg: Array) -> Array:
+    """Return the confidences (..., P) in parts with expected errors (..., P): 1 for none, `DOUBTFUL` at the limit."""
+    return np.asarray(DOUBTFUL ** np.square(errors_deg / DOUBTFUL_PART_DEG))
+
+
+def body_confidence(errors_deg: Array) -> float:
+    """Return the geometric mean of the confidences in parts with expected errors (P,); 1 if these are unknown (0,)."""
+    return float(DOUBTFUL ** np.square(errors_deg / DOUBTFUL_PART_DEG).mean()) if len(errors_deg) else 1.0
+
+
+def mean_part_confidences(poses: Sequence[PerformerPose]) -> dict[str, float]:
+    """Return the mean confidence in each part, by its name; empty if unknown."""
+    known = [row for row in (pose.part_confidences for pose in poses) if len(row)]
+    return dict(zip(PARTS, np.mean(known, axis=0).tolist(), strict=True)) if known else {}
 
 
 def doubtful_parts(errors_deg: Array) -> list[str]:

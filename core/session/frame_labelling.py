@@ -88,14 +88,15 @@ class FrameLabeller:
         return self._check.confidence(frame, seen)
 
     def find_alternative(
-        self, frame: MarkerFrame, elapsed_s: float, pose: PerformerPose, busy: bool = False
+        self, frame: MarkerFrame, elapsed_s: float, pose: PerformerPose, agreement: float, busy: bool = False
     ) -> AlternativeLabels | None:
         """Return alternative labels for a solved frame if the frame makes any likely.
 
         Args:
+            agreement: Agreement of its pose, see `tracking_quality.Fit`.
             busy: The frame was already expensive, so the search pauses.
         """
-        alternative = self._check.step(frame, elapsed_s, pose, self._labeller.is_confident, busy)
+        alternative = self._check.step(frame, elapsed_s, pose, agreement, self._labeller.is_confident, busy)
         if alternative is None:  # a pose that has just become suspect does not confirm labels
             if self._check.is_certain(frame, pose.seen):
                 self._labeller.confirm(self._check.confirmed_markers)

@@ -28,8 +28,8 @@ _MOST_FRAME_COST = 60.0  # cap on the cost of one frame, so that no outlier is d
 _HOPELESS = 25.0  # cost relative to the best hypothesis above which one is dropped
 _START_COST = 15.0  # initial cost of a hypothesis that starts from an example
 _SAME_M = 0.02  # distance of every marker below which two hypotheses are the same
-_SUSPECT = 0.6  # confidence below which labels are suspect, as they are with unlabelled blobs
-_CERTAIN = 0.5  # confidence above which the root is certain
+_SUSPECT = 0.6  # agreement below which labels are suspect, as they are with unlabelled blobs
+_CERTAIN = 0.5  # agreement above which the root is certain
 _SUSPECT_FRAMES = 4  # successive frames with suspect labels after which hypotheses are added
 _SEARCH_S = 0.2  # pause between two searches for hypotheses, or for a start pose
 _UNCERTAIN_S = 0.2  # once the last certain root is older than this, hypotheses are also added at that root
@@ -71,15 +71,15 @@ class HypothesisTracker:
         self._suspect_frames = 0
         self._searched_s = -np.inf
 
-    def step(self, frame: MarkerFrame, confidence: float) -> Hypothesis | None:
+    def step(self, frame: MarkerFrame, agreement: float) -> Hypothesis | None:
         """Return the best hypothesis after the next frame; None until a start pose has been recognised.
 
         Args:
-            confidence: Confidence of the last pose.
+            agreement: Agreement of the last pose, see `tracking_quality.Fit`.
         """
         if self._hypotheses:
             self._continue(frame, frame.time_s - self._time_s)
-            self._spawn_hypotheses(frame, confidence)
+            self._spawn_hypotheses(frame, agreement)
         elif frame.time_s - self._searched_s > _SEARCH_S:
             self._searched_s = frame.time_s
             start = label_single_view(frame.single_points, self._camera, self._poses_m)
@@ -119,15 +119,15 @@ class HypothesisTracker:
             hypotheses.append(Hypothesis(state, labeller, labels, markers_m, observation, solution, cost, last.start_s))
         self._hypotheses = _prune(hypotheses)
 
-    def _spawn_hypotheses(self, frame: MarkerFrame, confidence: float) -> None:
+    def _spawn_hypotheses(self, frame: MarkerFrame, agreement: float) -> None:
         """Add hypotheses from examples while the labels of the best one are suspect."""
         best, now_s = self._hypotheses[0], frame.time_s
         if best.solution is None:
             return
         root = best.solution.root
-        if confidence > _CERTAIN:
+        if agreement > _CERTAIN:
             self._certain = (now_s, root)
-        suspect = confidence < _SUSPECT or np.any(best.labels < 0)
+        suspect = agreement < _SUSPECT or np.any(best.labels < 0)
         self._suspect_frames = self._suspect_frames + 1 if suspect else 0
         due = now_s - self._searched_s > _SEARCH_S and len(frame.single_points) > 0
         if self._suspect_frames < _SUSPECT_FRAMES or not due:

@@ -14,7 +14,7 @@ from ..markers.marker_frame import MarkerFrame
 
 _FIRST_S, _RARE_S = 0.03, 1.0  # first and longest pause between checks; the pause doubles while labels are certain
 _SUSPECT_S = 0.1  # longest pause between checks of a suspect pose, and shortest between trials of alternatives
-_SUSPECT = 0.5  # confidence, relative to the share of located markers, below which a pose is suspect
+_SUSPECT = 0.5  # agreement, relative to the share of located markers, below which a pose is suspect
 _STRAYS = 2  # number of unlabelled points, with as many hidden markers, that makes labels suspect
 _TORSO_MARKERS = 2  # fewest located torso markers for a pose that is not suspect
 _ENOUGH = 0.6  # share of the markers that must be located for a check
@@ -103,11 +103,18 @@ class LabelCheck:
         return float(_UNCERTAIN + (1.0 - _UNCERTAIN) * np.exp(-((self._misplaced_m / _MISPLACED_M) ** 2)))
 
     def step(
-        self, frame: MarkerFrame, elapsed_s: float, pose: PerformerPose, is_confident: Mask, busy: bool = False
+        self,
+        frame: MarkerFrame,
+        elapsed_s: float,
+        pose: PerformerPose,
+        agreement: float,
+        is_confident: Mask,
+        busy: bool = False,
     ) -> Alternative | None:
         """Return alternative labels if this frame makes any likely.
 
         Args:
+            agreement: Agreement of the pose, see `tracking_quality.Fit`.
             is_confident: Markers (M,) that have been tracked confidently since the labels were last certain.
             busy: The frame was already expensive, so the search pauses.
         """
@@ -115,7 +122,7 @@ class LabelCheck:
         if _GONE_S < pose.time_s - self._stepped_s < np.inf:
             self._confirmed = 0.0
         self._stepped_s = pose.time_s
-        suspect = self._is_suspect(frame, pose)
+        suspect = self._is_suspect(frame, pose, agreement)
         if self._search is not None:
             self._search.follow(frame.points_m, elapsed_s)
         elif self._is_due(frame, pose, suspect):
@@ -128,10 +135,10 @@ class LabelCheck:
         search, self._search = self._search, None
         return self._judge(search, suspect, pose.time_s)
 
-    def _is_suspect(self, frame: MarkerFrame, pose: PerformerPose) -> bool:
+    def _is_suspect(self, frame: MarkerFrame, pose: PerformerPose, agreement: float) -> bool:
         """Return whether the pose or unlabelled points are evidence against the labels."""
         located = np.isfinite(pose.observed_m[:, 0])
-        explained = pose.confidence / (self.confidence(frame, pose.seen) * max(np.mean(located), 1e-3))
+        explained = agreement / max(np.mean(located), 1e-3)
         unseen = np.sum(located & self._torso) < _TORSO_MARKERS
         return bool(explained < _SUSPECT or unseen or _strays(frame, pose.seen) >= _STRAYS)
 

@@ -1,5 +1,6 @@
 """Session of one subject: turns marker frames into poses, live or from takes."""
 
+import math
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -8,7 +9,7 @@ import numpy as np
 from ..body.calibration_poses import t_pose
 from ..body.pose_notes import NoteKind, PoseNote, source_notes
 from ..body.pose_slew_limit import PoseSlewLimit
-from ..body.scene_pose import DOUBTFUL, PerformerPose
+from ..body.scene_pose import PerformerPose, body_confidence
 from ..database.store import Database
 from ..geometry.arrays import Array, Mask
 from ..geometry.camera import CameraRig
@@ -25,11 +26,13 @@ from ..solver.solution import Solution, SolverState
 from ..solver.subject_model import SubjectModel
 from .frame_labelling import BodyExamples, FrameLabeller, is_labelled, rest_markers
 from .hypothesis_tracking import HypothesisTracker
-from .part_errors import PartErrors, doubtful_joints
-from .tracking_quality import TrackingQuality, assess_fit, tracking_of
+from .part_errors import PartErrors
+from .tracking_quality import Fit, TrackingQuality, assess_fit, tracking_of
 
 _FASTEST_M_S = 10.0  # speed above which torso markers are not extrapolated: no torso is so fast
 _WORN_S = 0.2  # time constant for averaging a marker's offset from the solved body
+_TILTED_DEG = 60.0  # tilt from the examples at which the confidence has fallen to 1/e
+_AGREES = 0.3  # least agreement (see `Fit`) of a pose by which exchanged labels are corrected
 _WORSE_M = 0.004  # largest increase of the RMS distance from the body with alternative labels
 
 
@@ -129,6 +132,7 @@ class Session:
     def restart(self, reason: NoteKind | None = None) -> None:
         """Forget labels and pose: the next frame is treated like the first, and its pose gets a note of the reason."""
         self._decisions = [reason] if reason else []
+        self._agreement = 0.0
         self.labeller.reset()
         self._forget()
 
@@ -168,7 +172,7 @@ class Session:
             # markers are not worn exactly where the body model has them, so their mean offsets are added
             worn_m = self._state.markers_m + np.nan_to_num(self._apart_m)
             carried_m[slow] = (worn_m + self._elapsed_s(time_s) * self._marker_velocities)[slow]
-        return Carried(carried_m, self._last is not None and self._last.confidence >= DOUBTFUL)
+        return Carried(carried_m, self._agreement >= _AGREES)
 
     def _note_markers(self, before_m: Array | None, observation: Observation, elapsed_s: float) -> None:
         """Remember the velocities of the solved markers, and the mean offsets of observed markers from solved ones."""
@@ -191,7 +195,7 @@ class Session:
         solution: Solution,
     ) -> None:
         """Continue with alternative labels of a solved frame if they explain it better."""
-        alternative = self.labeller.find_alternative(frame, elapsed_s, pose, busy=solution.reinitialised)
+        alternative = self.labeller.find_alternative(frame, elapsed_s, pose, self._agreement, solution.reinitialised)
         if alternative is None:
             return
         limit_m, fresh = alternative.nearer * solution.nearest_m, self.solver.initial_state
@@ -224,7 +228,7 @@ class Session:
 
     def _track_hypotheses(self, frame: MarkerFrame, tracker: HypothesisTracker) -> _Tracked:
         """Label and solve a frame of a single camera, with the best of several hypotheses."""
-        best = tracker.step(frame, self._last.confidence if self._last else 0.0)
+        best = tracker.step(frame, self._agreement)
         nothing = np.full((len(self.subject.marker_set), 3), np.nan)
         none = np.zeros(len(nothing), dtype=bool)
         if best is None:
@@ -240,6 +244,7 @@ class Session:
         # with one camera, markers are compared with the rays
         shown = observation.back_projected(solution.markers_m) if self._has_one_camera else observation
         fit = assess_fit(shown, solution, self._quality.settings)
+        self._agreement = fit.agreement
         texts = np.array(self.subject.marker_set.texts)
         hidden, jumped = texts[~fit.located & ~tracked.doubted], texts[tracked.doubted]
         notes = [*source_notes(frame.notes), *([PoseNote.hidden(hidden)] if len(hidden) else [])]
@@ -251,17 +256,19 @@ class Session:
         notes += [PoseNote.of(NoteKind.HELD)] if held else []
         rotations = self._model.rotations(solution.pose, solution.root)
         errors_deg = self._part_errors.expected_deg(solution)
-        doubtful, known, root_m = doubtful_joints(errors_deg), is_labelled(frame), solution.root.position_m
+        known, root_m = is_labelled(frame), solution.root.position_m
         # the slew limit must not take a marker hidden for a moment as one that disappears and returns
         points_m = shown.points_m if self._has_one_camera else tracked.known_m
-        rotations = self._slew_limit.step(frame.time_s, rotations, root_m, points_m, held, known, doubtful)
-        is_confident = self._has_one_camera or known
+        rotations = self._slew_limit.step(frame.time_s, rotations, root_m, points_m, held, known)
+        confidence = self._confidence(fit, solution, errors_deg)
+        if not (self._has_one_camera or known):
+            confidence *= self.labeller.confidence(frame, observation.seen)
         pose = PerformerPose(
             number=frame.number,
             time_s=frame.time_s,
             rotations=rotations,
             root_position_m=root_m,
-            confidence=fit.confidence * (1.0 if is_confident else self.labeller.confidence(frame, observation.seen)),
+            confidence=confidence,
             markers_m=solution.markers_m,
             observed_m=observation.points_m,
             single_cameras=observation.cameras,
@@ -273,6 +280,13 @@ class Session:
             joint_errors_deg=self._part_errors.expected_joints_deg(solution),
         )
         return replace(pose, notes=(*notes, *self._part_errors.notes(pose)))
+
+    def _confidence(self, fit: Fit, solution: Solution, errors_deg: Array) -> float:
+        """Return the confidence in a pose with these expected errors of its parts, given its labels."""
+        if not len(errors_deg):
+            return fit.agreement
+        tilt = math.degrees(solution.tilt_rad) / _TILTED_DEG
+        return fit.explained * body_confidence(errors_deg) * math.exp(-(tilt**2))
 
     def _decided(self, solution: Solution) -> list[NoteKind]:
         """Return, and forget, the decisions made since the last pose, with those of a solution."""

@@ -12,7 +12,7 @@ import numpy as np
 from ..body.clock import Clock
 from ..body.foot_lock import floor_of
 from ..body.motion import Motion, every_nth, resampled
-from ..body.scene_pose import DoubtfulStretch, PerformerPose, ScenePose, doubtful_stretches
+from ..body.scene_pose import DoubtfulStretch, PerformerPose, ScenePose, doubtful_stretches, mean_part_confidences
 from ..body.standard_skeleton import JOINT_NAMES
 from ..errors import FormatError
 from ..formats.markers.marker_files import is_recorded
@@ -125,7 +125,7 @@ class SolvedTake:
         """Return the poses between the countdown of a recording and its automatic end."""
         return [pose for pose in self.poses if self.recording is None or self.recording.is_recorded(pose.number)]
 
-    def summary(self) -> dict[str, float | int]:
+    def summary(self) -> dict[str, Any]:
         """Return figures for the `solve` command's output; errors and confidence are the first performer's."""
         first = self.poses_of()
         rms = np.array([pose.marker_rms_m for pose in first])
@@ -135,6 +135,7 @@ class SolvedTake:
             "ms_per_frame_median": 1e3 * float(np.median(self.seconds)),
             "ms_per_frame_p99": 1e3 * float(np.percentile(self.seconds, 99)),
             "confidence": float(np.mean([pose.confidence for pose in first])),
+            "part_confidence": mean_part_confidences(first),
         }
 
     def joint_errors_deg(self) -> dict[str, float]:

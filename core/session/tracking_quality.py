@@ -17,8 +17,8 @@ from ..solver.solution import Solution
 class TrackingSettings:
     """Thresholds for tracking."""
 
-    explained_m: float = 0.03  # distance between solved and observed markers at which the confidence has fallen to 1/e
-    familiar_m: float = 0.15  # distance to the closest example at which the confidence has fallen to 1/e
+    explained_m: float = 0.03  # distance between solved and observed markers at which they explain 1/e
+    familiar_m: float = 0.15  # distance to the closest example at which the agreement has fallen to 1/e
     wrong_m: float = 0.10  # distance between solved and observed markers above which labels or pose are wrong
     # multiples of the RMS length of the source's lasting errors that are added in quadrature to explained_m and wrong_m
     lasting: tuple[float, float] = (3.5, 8.0)
@@ -46,7 +46,8 @@ class Fit:
 
     located: Mask  # (M,) located markers
     rms_m: float  # RMS distance between located and solved markers; NaN if none was located
-    confidence: float  # 0 (guessed) to 1 (all markers seen and explained, motion like the database)
+    explained: float  # 0 (nothing observed, or far from the solved markers) to 1 (no distance)
+    agreement: float  # share of the markers that are seen, explained, and like those of an example: judges labels
 
 
 def assess_fit(observation: Observation, solution: Solution, settings: TrackingSettings = SETTINGS) -> Fit:
@@ -54,11 +55,12 @@ def assess_fit(observation: Observation, solution: Solution, settings: TrackingS
     located = observation.located
     away_m = solution.markers_m[located] - observation.points_m[located]
     rms_m = math.sqrt(float(np.vdot(away_m, away_m)) / len(away_m)) if len(away_m) else math.nan
-    confidence = (len(away_m) + 0.5 * np.count_nonzero(observation.single)) / len(located)
-    if len(away_m):
-        familiarity = math.exp(-((solution.nearest_m / settings.familiar_m) ** 2))
-        confidence *= math.exp(-((rms_m / settings.explained_m) ** 2)) * familiarity
-    return Fit(located, rms_m, confidence)
+    seen = (len(away_m) + 0.5 * np.count_nonzero(observation.single)) / len(located)
+    if len(away_m) == 0:
+        return Fit(located, rms_m, seen, seen)
+    explained = math.exp(-((rms_m / settings.explained_m) ** 2))
+    familiarity = math.exp(-((solution.nearest_m / settings.familiar_m) ** 2))
+    return Fit(located, rms_m, explained, seen * explained * familiarity)
 
 
 class _Lapse:

@@ -19,7 +19,7 @@ from ..body.body_parts import PART_JOINTS, PARTS
 from ..body.clock import Clock, clock_of
 from ..body.motion import Motion
 from ..body.pose_notes import NoteKind
-from ..body.scene_pose import PerformerPose
+from ..body.scene_pose import PerformerPose, body_confidence
 from ..body.skeleton import forward_kinematics
 from ..database.store import pose_from_rotations
 from ..formats.markers.recorded_take import take_of_poses
@@ -126,6 +126,7 @@ class TwoWaySolver:
                         rotations=rotations[row],
                         root_position_m=roots.position_m[row],
                         markers_m=markers_m[row],
+                        confidence=_renewed(pose, trajectory.errors_deg[first + row]),
                         marker_rms_m=_root_mean(squares[row], pose.marker_rms_m),
                         part_errors_deg=trajectory.errors_deg[first + row],
                         joint_errors_deg=trajectory.joint_errors_deg[first + row],
@@ -199,6 +200,13 @@ def _stretches(poses: Sequence[PerformerPose]) -> list[tuple[int, int]]:
         cuts = [start, *(start + 1 + np.flatnonzero(begins[start + 1 : stop])).tolist(), stop]
         found += [(at, end) for at, end in pairwise(cuts) if end - at >= _SHORTEST]
     return found
+
+
+def _renewed(pose: PerformerPose, errors_deg: Array) -> float:
+    """Return the confidence in a pose after its parts' expected errors have changed to other ones (P,)."""
+    if not len(pose.part_errors_deg) or not np.isfinite(errors_deg).all():
+        return pose.confidence
+    return min(pose.confidence * body_confidence(errors_deg) / body_confidence(pose.part_errors_deg), 1.0)
 
 
 def _started(poses: Sequence[PerformerPose]) -> list[PerformerPose]:

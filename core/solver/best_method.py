@@ -42,10 +42,9 @@ _LEAST_OFF = 0.8
 # Distance of the markers from the neighbours, in standard deviations, above which the neighbours' Gaussian is widened
 # in proportion if the body is in the database: above it, the body moves in a new way.
 _USUAL_DEVIATION = 0.5
-# The computed standard deviations of a pose are multiplied by scale * (d + _LEAST_DEVIATION) ** _WIDENING, where d is
-# the distance of the markers from the prior in standard deviations. The scale is _SHARE for bodies that are not in the
-# database and _KNOWN_SHARE for those that are. These numbers were fitted to takes, see `session.part_errors`.
-_WIDENING, _LEAST_DEVIATION, _SHARE, _KNOWN_SHARE = 0.67, 0.05, 1.2, 0.5
+# Bodies that are in the database have a share of the uncertainty of others. Without a learned prior, the neighbours
+# understate it by a factor. Both numbers were found with the scales of `session.part_errors`.
+_KNOWN_SHARE, _ALONE = 0.5, 2.0
 _LIMIT_PERCENTILES = (1.0, 99.0)  # percentiles of the database's joint angles that are the joint limits
 _LIMIT_MARGIN_RAD = 0.05  # margin added at either end of this range
 
@@ -75,7 +74,6 @@ class BestMethod:
         self._known = bool(database.own_frames(subject.skeleton).any())
         self._settings = settings.for_known_body() if self._known else settings
         self._settings_without_depth = settings
-        self._widened = _KNOWN_SHARE if self._known else _SHARE
         if self._learned:
             self.longest_s = max(self.longest_s, self._learned.lags_s[-1])
         poses = database.poses.reshape(database.frames, -1)
@@ -144,7 +142,8 @@ class BestMethod:
         # with rays only, the depth of a known body is a guess, so the settings for other bodies are used
         state, known = problem.state, self._known and bool(problem.observation.located.any())
         settings = self._settings if known else self._settings_without_depth
-        prior, neighbours = self._prior(problem)
+        closest, neighbours = self._prior(problem)
+        prior = closest
         root, root_sigma = problem.root, (settings.root_sigma_m, settings.root_sigma_rad)
         learned, inflation = None, 0.0
         if self._learned:
@@ -175,11 +174,12 @@ class BestMethod:
             expected = state.pose + settings.momentum * (state.pose - state.previous_pose)
             prior = continue_prior(prior, expected, self._change if known else self._smaller_change)
         expectation = Expectation(prior, problem.observation, root, root_sigma, self._limits)
-        pose, root, facts = gaussian_conditioning.fit_to_markers(
+        pose, root, steps = gaussian_conditioning.fit_to_markers(
             expectation, self._subject, settings.marker_sigma_m, _FIT_STEPS
         )
-        widened = facts.sigmas_rad * (self._widened * (facts.deviation + _LEAST_DEVIATION) ** _WIDENING)
-        return Estimate(pose, root, neighbours, 0, facts.steps, expectation, widened, inflation > 1.0)
+        uncertainty = _uncertainty(pose, closest, learned.pose if learned else None)
+        uncertainty *= _KNOWN_SHARE if known else 1.0
+        return Estimate(pose, root, neighbours, 0, steps, expectation, uncertainty, inflation > 1.0)
 
     def _prior(self, problem: FrameProblem) -> tuple[Prior, int]:
         """Return the Gaussian of the pose given the past, and the number of neighbours used."""
@@ -219,3 +219,15 @@ def _inflation(off: float, learned_off: float, known: bool = False) -> float:
     if not known:  # neighbours that explain the markers within a standard deviation keep their weight
         ratio *= min(1.0, off)
     return min(max(ratio**4, 1.0 / _MOST_INFLATION), _MOST_INFLATION)
+
+
+def _uncertainty(pose: Array, closest: Prior, learned: Prior | None) -> Array:
+    """Return the uncertainty (J - 1,) of joints, radians, up to a scale for each joint.
+
+    It is the RMS of the learned prior's standard deviation and of the pose's distances from both priors' means. So it
+    is large where the learned prior knows little, and where the two priors, or priors and markers, disagree.
+    """
+    vague = learned or closest
+    squares = vague.covariance.diagonal() + np.square(pose - vague.mean) + np.square(pose - closest.mean)
+    uncertainty = np.sqrt(np.add.reduce(squares.reshape(-1, 3), axis=1) / 3.0)
+    return np.asarray(uncertainty if learned else _ALONE * uncertainty)

@@ -210,23 +210,14 @@ def _innovation(
     return _whiten(covariance, -control_residual(observation, markers))
 
 
-@dataclass(frozen=True)
-class FitFacts:
-    """Facts about a fit."""
-
-    steps: int  # number of steps tried
-    sigmas_rad: Array  # (D,) standard deviations of the pose given the markers, from the last linear model (Laplace)
-    deviation: float  # RMS distance of the markers from the prior, in standard deviations of that prior
-
-
 def fit_to_markers(
     expectation: Expectation,
     subject: SubjectModel,
     marker_sigma_m: float,
     steps: int,
     straight_rad: float = _STRAIGHT_RAD,
-) -> tuple[Array, RootPose, FitFacts]:
-    """Fit pose (D,) and root to the markers under the prior, within the limits.
+) -> tuple[Array, RootPose, int]:
+    """Fit pose (D,) and root to the markers under the prior, within the limits; return them and the number of steps.
 
     A Gauss-Newton step that does not lower the cost is repeated with damping in the metric of the prior (Levenberg
     1944).
@@ -272,17 +263,7 @@ def fit_to_markers(
     else:
         change = kept[0]  # the cost after the last step is unknown, so the state before it is returned
         root = moved_root(expectation.root, change)
-    _add_to_diagonal(across, 1.0)
-    facts = _facts(taken, covariance, across, gains[6:], innovation)
-    return mean + change[6:], root, facts
-
-
-def _facts(steps: int, covariance: Array, system: Array, gains: Array, innovation: Array) -> FitFacts:
-    """Return the facts about a fit, from the system (m, m) and the gains (D, m) of its last step."""
-    halves, _ = _whiten(system, np.concatenate((gains.T, innovation[:, None]), axis=1))
-    explained = np.add.reduce(halves * halves)
-    sigmas_rad = np.sqrt(np.maximum(covariance.diagonal() - explained[:-1], 0.0))
-    return FitFacts(steps, sigmas_rad, float(np.sqrt(explained[-1] / max(len(halves), 1))))
+    return mean + change[6:], root, taken
 
 
 def _linearise(

@@ -9,6 +9,7 @@ import numpy as np
 from ..body.pose_notes import NoteKind
 from ..database.store import Database, check_arrays
 from ..errors import DatabaseError
+from ..geometry import rotations as rot
 from ..geometry.arrays import Array
 from ..system.blas_threads import use_one_blas_thread
 from .best_method import BestMethod
@@ -28,6 +29,7 @@ from .trajectory_check import INTERVAL_S, PROVEN, TrajectoryCheck
 _JUMP_M = 0.07  # RMS movement of the markers between two frames above which history may mislead
 _CUT_M = 0.3  # RMS movement above which history is of another motion, because nobody moves all limbs so fast
 _RETRY_S = 0.04  # pause after a failed re-initialisation
+_UP = np.array([0.0, 1.0, 0.0])
 _NEARER = 0.6  # distance to the closest example, relative to the current pose's, below which a new pose replaces it
 
 
@@ -215,7 +217,6 @@ class PoseSolver:
         pose = estimate.pose.reshape(-1, 3)
         markers = self.subject.markers(pose, estimate.root)
         nearest_m = _nearest_distance(self._in_space(state, observation), root, examples)
-        sigmas_rad = None if estimate.sigmas_rad is None else estimate.sigmas_rad.reshape(pose.shape)
         size = (estimate.neighbours, estimate.dimensions)
         solution = Solution(
             pose,
@@ -224,7 +225,8 @@ class PoseSolver:
             *size,
             nearest_m,
             estimate.iterations,
-            sigmas_rad,
+            estimate.uncertainty_rad,
+            self._tilt_rad(estimate.root, examples),
             prior_led=estimate.prior_led,
         )
         return solution, replace(
@@ -236,6 +238,13 @@ class PoseSolver:
             found=found,
             expectation=estimate.expectation,
         )
+
+    def _tilt_rad(self, root: RootPose, examples: Examples) -> float:
+        """Return the angle between the vertical in the axes of a root and the mean one in those of examples."""
+        turns = self.database.root_rotations[examples.frames].astype(np.float64)
+        among = np.add.reduce(rot.rotate(rot.conjugate(turns), _UP))
+        own = rot.rotate(rot.conjugate(root.rotation), _UP)
+        return math.acos(min(max(float(among @ own) / max(float(np.linalg.norm(among)), 1e-9), -1.0), 1.0))
 
 
 def _nearest_distance(observation: Observation, root: RootPose, examples: Examples) -> float:

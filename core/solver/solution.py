@@ -31,7 +31,8 @@ class Solution:
     dimensions: int  # number of dimensions, B, of the local model
     nearest_m: float  # RMS distance of the observed markers from those of the closest example; NaN without markers
     iterations: int  # steps of Levenberg-Marquardt or Gauss-Newton
-    sigmas_rad: Array | None = None  # (J - 1, 3) standard deviations, uncalibrated; None for methods other than "best"
+    uncertainty_rad: Array | None = None  # (J - 1,) of joints, uncalibrated; None for methods other than "best"
+    tilt_rad: float = 0.0  # angle between the vertical in the body's axes and that in its examples' axes
     prior_led: bool = False  # the learned prior had more weight than the neighbours
     reinitialised: bool = False  # the pose was also solved without history, which is expensive
     begun: NoteKind | None = None  # why the pose without history was used
@@ -69,7 +70,7 @@ class SolverState:
 
 @dataclass(frozen=True)
 class Estimate:
-    """A method's pose (D,), root, size of its model, expectation, and standard deviations (D,); see `Solution`."""
+    """A method's pose (D,), root, size of its model, expectation, and uncertainty (J - 1,); see `Solution`."""
 
     pose: Array
     root: RootPose
@@ -77,5 +78,5 @@ class Estimate:
     dimensions: int = 0
     iterations: int = 0
     expectation: Expectation | None = None
-    sigmas_rad: Array | None = None
+    uncertainty_rad: Array | None = None
     prior_led: bool = False

@@ -8,6 +8,7 @@ from itertools import pairwise
 import bpy
 import numpy as np
 
+from ...core.body.body_parts import PART_JOINTS
 from ...core.body.scene_pose import PerformerPose, ScenePose
 from ...core.body.skeleton import Skeleton, forward_kinematics
 from ...core.geometry.arrays import Array
@@ -164,10 +165,15 @@ def _add_space(shapes: "Shapes", space: CommonSpace, on_screen: Projection) -> l
 
 
 def _add_skeleton(shapes: "Shapes", skeleton: Skeleton, pose: PerformerPose, on_screen: Projection) -> None:
+    """Add the bones, each in the colour of the confidence in its part of the body."""
     joints = on_screen(forward_kinematics(skeleton, pose.rotations, pose.root_position_m)[0])
+    colours = [confidence_colour(pose)] * len(joints)
+    for part, confidence in zip(PART_JOINTS.values(), pose.part_confidences.tolist(), strict=False):
+        for joint in part:
+            colours[joint] = coloured(confidence / 3.0)
     for joint, parent in enumerate(skeleton.parents.tolist()):
         if parent >= 0:
-            shapes.line(joints[parent], joints[joint], STYLE.bone, confidence_colour(pose))
+            shapes.line(joints[parent], joints[joint], STYLE.bone, colours[joint])
 
 
 def _add_markers(

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ...body.clock import Clock, ClockFault, clock_of
-from ...body.scene_pose import decisions, doubtful_stretches
+from ...body.scene_pose import decisions, doubtful_stretches, mean_part_confidences
 from ...errors import PerfanimError, TakeError
 from ...formats.markers.marker_files import READABLE, is_recorded, read_take
 from ...formats.take_file.take_reader import TakeFile, read_take_file
@@ -87,6 +87,7 @@ def _recorded_info(take: TakeFile) -> dict[str, Any]:
         "visible_fraction": float(np.mean([np.isfinite(p.observed_m[:, 0]) for p in poses])) if poses else None,
         "poses": len(poses),
         "confidence": float(np.mean([pose.confidence for pose in poses])) if poses else None,
+        "part_confidence": mean_part_confidences(poses),
         "doubtful": [asdict(stretch) for stretch in doubtful_stretches(poses)],
         "cameras": len(rig) if rig is not None else 0,
         "subject": subjects[0].name if subjects else "",

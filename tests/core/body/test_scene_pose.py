@@ -8,8 +8,11 @@ from perfanim.core.body.scene_pose import (
     DOUBTFUL_PART_DEG,
     PerformerPose,
     ScenePose,
+    body_confidence,
     decisions,
+    doubtful_parts,
     doubtful_stretches,
+    part_confidences,
 )
 
 NONE = np.empty((0, 3))
@@ -91,3 +94,13 @@ def test_decisions_have_kind_reason_and_times() -> None:
 def test_a_decision_is_no_reason_for_doubt() -> None:
     led = PoseNote.of(NoteKind.PRIOR_LED).text
     assert [each.reason for each in doubtful_stretches([pose(0.1 * i, 0.1, led) for i in range(5)])] == [""]
+
+
+def test_confidence_in_parts_is_doubtful_at_their_limits_and_the_bodys_is_the_geometric_mean() -> None:
+    errors_deg = np.linspace(0.2, 1.4, len(PARTS)) * DOUBTFUL_PART_DEG
+    parts = part_confidences(errors_deg)
+    np.testing.assert_allclose(part_confidences(DOUBTFUL_PART_DEG), DOUBTFUL)
+    np.testing.assert_allclose(part_confidences(np.zeros(len(PARTS))), 1.0)
+    assert [part for part, known in zip(PARTS, parts, strict=True) if known < DOUBTFUL] == doubtful_parts(errors_deg)
+    np.testing.assert_allclose(body_confidence(errors_deg), np.exp(np.log(parts).mean()))
+    assert body_confidence(np.empty(0)) == 1.0

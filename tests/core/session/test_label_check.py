@@ -18,10 +18,10 @@ EXCHANGED = np.array([1, 0, 2, 3])
 SEEN = np.ones(4, dtype=bool)
 
 
-def pose_with(observed_m: np.ndarray, confidence: float, time_s: float) -> Any:
+def pose_with(observed_m: np.ndarray, agreement: float, time_s: float) -> Any:
     """Return a pose with these markers, none of which a single camera saw."""
     seen = np.isfinite(observed_m[:, 0])
-    return SimpleNamespace(observed_m=observed_m, markers_m=POINTS_M, confidence=confidence, time_s=time_s, seen=seen)
+    return SimpleNamespace(observed_m=observed_m, markers_m=POINTS_M, agreement=agreement, time_s=time_s, seen=seen)
 
 
 class Search:
@@ -56,13 +56,15 @@ def frame_at(number: int = 0, time_s: float = 1.0, points_m: np.ndarray = POINTS
 def stepped(check: Any, times_s: Sequence[float], is_confident: np.ndarray, observed_m: np.ndarray = POINTS_M) -> list:
     """Return the labels that checks of one pose at these times find."""
     poses = [(number, time_s, pose_with(observed_m, 0.9, time_s)) for number, time_s in enumerate(times_s)]
-    return [check.step(frame_at(number, time_s), 0.1, pose, is_confident) for number, time_s, pose in poses]
+    return [
+        check.step(frame_at(number, time_s), 0.1, pose, pose.agreement, is_confident) for number, time_s, pose in poses
+    ]
 
 
 def judged(search: Search, observed_m: np.ndarray = POINTS_M, is_confident: np.ndarray = ~SEEN) -> tuple[Any, Any]:
     """Return a check and the labels that it finds for a pose with these markers."""
     check = check_of(search)
-    return check, check.step(frame_at(), 1 / 60, pose_with(observed_m, 0.9, 1.0), is_confident)
+    return check, check.step(frame_at(), 1 / 60, pose_with(observed_m, 0.9, 1.0), 0.9, is_confident)
 
 
 def alternative(gain: float, is_confident: np.ndarray) -> Alternative | None:
@@ -100,7 +102,7 @@ def test_uncertain_labels_lower_the_confidence_by_how_far_others_move_the_marker
     """Labels that are as likely for two neighbours matter less than for the two hands."""
     points_m = POINTS_M * [apart_m / 0.4, 1.0, 1.0]
     check, frame = check_of(exchange(-0.5, np.arange(4))), frame_at(points_m=points_m)
-    check.step(frame, 1 / 60, pose_with(points_m, 0.9, 1.0), ~SEEN)
+    check.step(frame, 1 / 60, pose_with(points_m, 0.9, 1.0), 0.9, ~SEEN)
     assert not check.is_certain(frame, SEEN)
     assert least < check.confidence(frame, SEEN) < most
 
@@ -118,7 +120,7 @@ def test_each_alternative_has_its_own_evidence(other: np.ndarray, refuted: bool)
     check, found = check_of(exchange(2.5)), []
     for number, labels in enumerate((EXCHANGED, other, EXCHANGED)):
         check._initial, time_s = Search((labels, 2.5)), 1.0 + 0.2 * number
-        found.append(check.step(frame_at(number, time_s), 0.2, pose_with(POINTS_M, 0.9, time_s), ~SEEN))
+        found.append(check.step(frame_at(number, time_s), 0.2, pose_with(POINTS_M, 0.9, time_s), 0.9, ~SEEN))
         if refuted and number == 1:
             check.refute((1, 0, 2, 3))
     # before they are proven an example must be clearly nearer to them
@@ -129,7 +131,7 @@ def test_each_alternative_has_its_own_evidence(other: np.ndarray, refuted: bool)
 def checks(check: Any, numbers: range) -> list[bool]:
     """Return whether other labels are to be tried, for checks a second apart."""
     frames = [frame_at(number, 1.0 + number) for number in numbers]
-    return [check.step(frame, 1.0, pose_with(POINTS_M, 0.9, frame.time_s), ~SEEN) is not None for frame in frames]
+    return [check.step(frame, 1.0, pose_with(POINTS_M, 0.9, frame.time_s), 0.9, ~SEEN) is not None for frame in frames]
 
 
 @pytest.mark.parametrize(("gain", "times"), [(-0.5, 7), (-3.0, 1), (-6.0, 0)])
@@ -197,8 +199,8 @@ def test_relabelling_penalty_counts_once(apart_s: float, needed: int) -> None:
     assert proven.index(True) + 1 == needed
 
 
-@pytest.mark.parametrize(("confidence", "sure"), [(0.9, True), (0.3, False)])
-def test_suspect_first_pose_confirms_no_labels(confidence: float, sure: bool) -> None:
+@pytest.mark.parametrize(("agreement", "sure"), [(0.9, True), (0.3, False)])
+def test_suspect_first_pose_confirms_no_labels(agreement: float, sure: bool) -> None:
     order, frame = np.arange(4), frame_at()
     labeller: Any = FrameLabeller.__new__(FrameLabeller)  # a database is not needed here
     labeller._labeller = Labeller(SEEN)
@@ -206,8 +208,8 @@ def test_suspect_first_pose_confirms_no_labels(confidence: float, sure: bool) ->
     labeller._check = check_of(exchange(-30.0))
     labeller._check.begin(1.0, InitialLabels(order, 20.0, POINTS_M, ((EXCHANGED, 50.0),)))
     assert labeller.confidence(frame, SEEN) == 1.0  # the search was certain
-    pose = pose_with(POINTS_M, confidence, 1.0)
-    assert labeller.find_alternative(frame, 1 / 60, pose) is None
+    pose = pose_with(POINTS_M, agreement, 1.0)
+    assert labeller.find_alternative(frame, 1 / 60, pose, agreement) is None
     assert labeller._labeller.is_confident.all() == labeller._labeller.is_confident.any() == sure
 
 

@@ -1,4 +1,4 @@
-"""What a pose's confidence counts: markers seen, by two cameras or one."""
+"""What the agreement of a pose counts: markers seen, by two cameras or one."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -16,4 +16,4 @@ def test_a_marker_of_one_camera_counts_half(cameras, share):
     seen = points_m.copy()
     seen[2:] = np.nan
     observation = replace(Observation.of_points(seen), cameras=np.array([-1, -1, *cameras]))
-    assert assess_fit(observation, solution).confidence == pytest.approx(share)
+    assert assess_fit(observation, solution).agreement == pytest.approx(share)

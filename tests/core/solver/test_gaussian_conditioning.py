@@ -130,27 +130,6 @@ def test_fit_comes_closer_to_the_true_pose_than_the_prior(model, frame, database
     assert np.linalg.norm(pose - true_pose) < 0.7 * np.linalg.norm(prior.mean - true_pose)
 
 
-def test_fit_returns_laplace_standard_deviations(model, frame):
-    prior, _, root, points = frame
-    points = np.where(np.arange(8)[:, None] == 4, np.nan, points)  # without the left hand
-    observation = Observation.of_points(points)
-    expectation = Expectation(prior, observation, root, (0.03, 0.1), UNLIMITED)
-    pose, found, facts = fit_to_markers(expectation, model, NOISE_M, 20)
-    _, jacobian = model.markers_and_jacobian(pose.reshape(-1, 3), found)
-    rows = jacobian[observation.located].reshape(-1, 90)
-    precision = rows.T @ rows / NOISE_M**2
-    precision[:6, :6] += np.diag(np.repeat([0.03, 0.1], 3) ** -2.0)
-    precision[6:, 6:] += np.linalg.inv(prior.covariance)
-    expected = np.sqrt(np.diag(np.linalg.inv(precision))[6:])
-    np.testing.assert_allclose(facts.sigmas_rad, expected, rtol=0.05)
-    turn = rot.to_rotation_vector(rot.multiply(rot.conjugate(root.rotation), found.rotation)) / 0.1
-    shift = (found.position_m - root.position_m) / 0.03
-    away = (points - model.markers(pose.reshape(-1, 3), found))[observation.located].ravel() / NOISE_M
-    change = pose - prior.mean
-    unlikely = turn @ turn + shift @ shift + away @ away + change @ np.linalg.solve(prior.covariance, change)
-    assert facts.deviation == pytest.approx(np.sqrt(unlikely / len(rows)), rel=0.01)
-
-
 def test_likelihood_is_the_marker_density_under_the_prior(model, frame):
     prior, _, root, points = frame
     points = np.where(np.arange(8)[:, None] == 4, np.nan, points)
