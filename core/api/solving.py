@@ -26,7 +26,7 @@ from ..markers.prop import Prop
 from ..markers.subject import Subject
 from ..markers.take_frames import is_unnamed
 from ..session.capture_setup import CaptureSetup
-from ..session.limb_coverage import LIMBS, coverage_text, open_limbs
+from ..session.limb_coverage import coverage_text, doubted, open_limbs
 from ..session.session_cache import SessionCache
 from ..session.solve_take import solve_recorded, solve_take
 from ..session.solved_take import SolvedTake
@@ -202,7 +202,7 @@ def solve_markers(
 def _with_coverage(solved: SolvedTake, take: MarkerTake, subject: Subject, used: MarkerSet) -> tuple[SolvedTake, str]:
     """Return the take with findings about its limbs and labels, and the marker coverage in words.
 
-    Limbs without markers lower the confidence.
+    Limbs without markers are doubtful, and lower the confidence.
     """
     shown = [name for name, visible in zip(take.names, take.visible.T, strict=True) if visible.any()]
     unused = [i for i, name in enumerate(take.names) if name in shown and name not in used.names]
@@ -219,10 +219,8 @@ def _with_coverage(solved: SolvedTake, take: MarkerTake, subject: Subject, used:
     if inferred:
         text = f"only markers placed from the motion determine {_listed(inferred)}: check the labels"
         findings.append(Reason(ReasonKind.LIMB, text))
-    share = max(0.0, 1.0 - len(lacking) / len(LIMBS))
     poses = tuple(
-        replace(pose, performers=tuple(replace(each, confidence=share * each.confidence) for each in pose.performers))
-        for pose in solved.poses
+        replace(pose, performers=tuple(doubted(each, lacking) for each in pose.performers)) for pose in solved.poses
     )
     all_findings, unused_m = (*solved.findings, *findings), take.positions_m[:, unused]
     solved = replace(solved, poses=poses, findings=all_findings, unused_m=unused_m)

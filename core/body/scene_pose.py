@@ -2,7 +2,7 @@
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from .pose_notes import PoseNote
 DOUBTFUL = 0.3  # confidence below which a pose is probably wrong
 _TOGETHER_S = 0.1  # longest pause between equal notes that are reported as one
 _REASON = 0.25  # fraction of the poses in a passage that must have a note for that to be the reason
-# expected errors above which parts are probably wrong; those of hands and feet always exceed half of their limit
+# expected errors above which parts are probably wrong; those of hands and feet are usually larger
 DOUBTFUL_PART_DEG = np.array([40.0 if part.endswith(("hand", "foot")) else 25.0 for part in PARTS])
 
 
@@ -48,7 +48,8 @@ class PerformerPose:
         rotations: Parent-from-joint quaternions (J, 4) relative to rest; the root's is world-from-root.
         root_position_m: World position (3,) of the root.
         confidence: 0 (guessed) to 1: the geometric mean of the confidences in the parts (see `part_confidences`),
-            lowered if markers are unexplained, labels uncertain, or the body tilted unlike its examples.
+            lowered if markers are unexplained, labels uncertain, or the body tilted unlike its examples. For methods
+            other than "best", the agreement (see `tracking_quality.Fit`).
         markers_m: The subject's markers (M, 3) on the solved pose.
         observed_m: Positions (M, 3) where the markers were located, NaN elsewhere.
         single_cameras: The only camera (M,) that saw each marker; -1 if none did or the marker was located.
@@ -58,8 +59,8 @@ class PerformerPose:
         notes: Problems of this pose.
         single_points: Image points (M, 2) of these markers in that camera, undistorted and normalised, NaN elsewhere;
             empty in poses read from takes, which store these points by blob.
-        part_errors_deg: Expected errors (P,) of the body's parts (`body_parts.PARTS`), means over their joints: 95 % of
-            the errors are within twice that. Empty for methods other than "best", and in takes of earlier versions.
+        part_errors_deg: Expected errors (P,) of the body's parts (`body_parts.PARTS`), means over their joints: most
+            errors are within twice that. Empty for methods other than "best", and in takes of earlier versions.
         joint_errors_deg: The same (J - 1,) for each joint except the root; also empty in poses read from takes.
     """
 
@@ -91,15 +92,25 @@ class PerformerPose:
 
     @property
     def part_confidences(self) -> Array:
-        """Confidences (P,) in the parts; their geometric mean is `confidence`. Empty if the errors are unknown."""
+        """Confidences (P,) in the parts, lowered like `confidence`; empty if the errors are unknown."""
         if not len(self.part_errors_deg):
             return np.empty(0)
-        others = self.confidence / max(body_confidence(self.part_errors_deg), 1e-9)
-        return np.minimum(others, 1.0) * part_confidences(self.part_errors_deg)
+        return self._lowered * part_confidences(self.part_errors_deg)
+
+    def with_part_errors(self, errors_deg: Array) -> "PerformerPose":
+        """Return the pose with other expected errors (P,) of its parts, which change its confidence accordingly."""
+        if not len(self.part_errors_deg):
+            return replace(self, part_errors_deg=errors_deg)
+        return replace(self, part_errors_deg=errors_deg, confidence=self._lowered * body_confidence(errors_deg))
+
+    @property
+    def _lowered(self) -> float:
+        """Factor by which markers, labels and tilt lower the confidence."""
+        return min(self.confidence / max(body_confidence(self.part_errors_deg), 1e-9), 1.0)
 
     @property
     def doubtful_parts(self) -> list[str]:
-        """The parts that are probably wrong."""
+        """The parts that are probably wrong by their expected errors."""
         return doubtful_parts(self.part_errors_deg)
 
 
@@ -110,13 +121,16 @@ def part_confidences(errors_deg: Array) -> Array:
 
 def body_confidence(errors_deg: Array) -> float:
     """Return the geometric mean of the confidences in parts with expected errors (P,); 1 if these are unknown (0,)."""
-    return float(DOUBTFUL ** np.square(errors_deg / DOUBTFUL_PART_DEG).mean()) if len(errors_deg) else 1.0
+    return float(np.exp(np.log(part_confidences(errors_deg)).mean())) if len(errors_deg) else 1.0
 
 
 def mean_part_confidences(poses: Sequence[PerformerPose]) -> dict[str, float]:
-    """Return the mean confidence in each part, by its name; empty if unknown."""
-    known = [row for row in (pose.part_confidences for pose in poses) if len(row)]
-    return dict(zip(PARTS, np.mean(known, axis=0).tolist(), strict=True)) if known else {}
+    """Return the mean confidence in each part, by its name; empty if all errors are unknown."""
+    rows = [pose.part_confidences for pose in poses]
+    if not any(map(len, rows)):
+        return {}
+    filled = [row if len(row) else np.full(len(PARTS), pose.confidence) for pose, row in zip(poses, rows, strict=True)]
+    return dict(zip(PARTS, np.mean(filled, axis=0).tolist(), strict=True))
 
 
 def doubtful_parts(errors_deg: Array) -> list[str]:

@@ -219,6 +219,11 @@ def between(sources: ArrayLike, targets: ArrayLike) -> Array:
     return normalize(np.where(dot < -1.0 + 1e-12, half_turn, np.concatenate((1.0 + dot, cross(a, b)), axis=-1)))
 
 
+def vertical_in(quaternions: ArrayLike) -> Array:
+    """Return the world's vertical (..., 3) in the axes of bodies with world-from-body quaternions (..., 4)."""
+    return rotate(conjugate(quaternions), np.array([0.0, 1.0, 0.0]))
+
+
 def angle_between(left: ArrayLike, right: ArrayLike) -> Array:
     """Return the geodesic angles in [0, pi] between rotations."""
     difference = multiply(conjugate(left), right)

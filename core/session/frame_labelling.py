@@ -52,7 +52,7 @@ class BodyExamples:
         self.start_poses_m = [rest_markers(model, pose(model.skeleton)) for pose in (t_pose, standing)]
         frames = np.unique(np.linspace(0, database.frames - 1, _EXAMPLES).astype(np.int64))
         upright = np.array([0.0, 1.0, 0.0])
-        ups = rot.rotate(rot.conjugate(database.root_rotations[frames]), upright)
+        ups = rot.vertical_in(database.root_rotations[frames])
         markers = np.concatenate((model.database_markers(database, frames), self.start_poses_m))
         self.markers_m: FloatArray = markers.astype(np.float32)
         self.ups: FloatArray = np.concatenate((ups, [upright, upright])).astype(np.float32)

@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from ..body.body_parts import PART_JOINTS
+from ..body.body_parts import PART_JOINTS, PARTS
 from ..body.motion import Motion
+from ..body.scene_pose import DOUBTFUL_PART_DEG, PerformerPose
 from ..body.skeleton import forward_kinematics
 from ..body.standard_skeleton import JOINT_NAMES, SPINE_JOINTS
 from ..geometry.arrays import Array, evenly
@@ -31,6 +32,7 @@ class CoverageSettings:
 
     samples: int = 50  # number of frames that are checked for unused markers
     farthest_m: float = 0.5  # largest distance from the body at which an unused marker may belong to it
+    open_error: float = 1.1  # least expected error of an open limb, relative to that of a doubtful one
 
 
 _S = CoverageSettings()
@@ -137,3 +139,13 @@ def open_limbs(marker_set: MarkerSet, names: Sequence[str]) -> list[str]:
     carried = {marker.joint for marker in marker_set.markers}
     shown = {marker.joint for marker in marker_set.markers if marker.name in names}
     return [limb for limb, joints in _HELD.items() if carried & set(joints) and not shown & set(joints)]
+
+
+def doubted(pose: PerformerPose, limbs: Sequence[str]) -> PerformerPose:
+    """Return a pose in which open limbs are doubtful; if no errors are known, only its confidence is lower."""
+    if not len(pose.part_errors_deg):
+        return replace(pose, confidence=pose.confidence * max(0.0, 1.0 - len(limbs) / len(LIMBS)))
+    joints = {joint for limb in limbs for joint in _HELD[limb]}
+    is_open = [not joints.isdisjoint(part) for part in PARTS.values()]
+    least_deg = np.where(is_open, _S.open_error * DOUBTFUL_PART_DEG, 0.0)
+    return pose.with_part_errors(np.maximum(pose.part_errors_deg, least_deg))

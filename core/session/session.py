@@ -31,7 +31,9 @@ from .tracking_quality import Fit, TrackingQuality, assess_fit, tracking_of
 
 _FASTEST_M_S = 10.0  # speed above which torso markers are not extrapolated: no torso is so fast
 _WORN_S = 0.2  # time constant for averaging a marker's offset from the solved body
-_TILTED_DEG = 60.0  # tilt from the examples at which the confidence has fallen to 1/e
+# tilt from the examples at which the confidence has fallen to 1/e; people are within 36 degrees in 95 % of the frames,
+# lying bodies at 78 or more
+_TILTED_DEG = 60.0
 _AGREES = 0.3  # least agreement (see `Fit`) of a pose by which exchanged labels are corrected
 _WORSE_M = 0.004  # largest increase of the RMS distance from the body with alternative labels
 
@@ -108,6 +110,7 @@ class Session:
         if solution:
             pose = self._solved_pose(frame, tracked, solution)
         else:
+            self._agreement = 0.0
             pose = self._last_pose(frame, frame.time_s, NoteKind.WAITING, observation)
         elapsed_s = self._elapsed_s(frame.time_s)
         self._last = pose
@@ -255,7 +258,8 @@ class Session:
         held = fit.rms_m > self._quality.settings.wrong_m
         notes += [PoseNote.of(NoteKind.HELD)] if held else []
         rotations = self._model.rotations(solution.pose, solution.root)
-        errors_deg = self._part_errors.expected_deg(solution)
+        joint_errors_deg = self._part_errors.expected_joints_deg(solution)
+        errors_deg = self._part_errors.expected_deg(joint_errors_deg)
         known, root_m = is_labelled(frame), solution.root.position_m
         # the slew limit must not take a marker hidden for a moment as one that disappears and returns
         points_m = shown.points_m if self._has_one_camera else tracked.known_m
@@ -277,7 +281,7 @@ class Session:
             dimensions=solution.dimensions,
             single_points=observation.image_points,
             part_errors_deg=errors_deg,
-            joint_errors_deg=self._part_errors.expected_joints_deg(solution),
+            joint_errors_deg=joint_errors_deg,
         )
         return replace(pose, notes=(*notes, *self._part_errors.notes(pose)))
 

@@ -1,4 +1,4 @@
-"""Quality of tracking: confidence, and detection of lost or mislabelled bodies."""
+"""Quality of tracking: agreement of pose and markers, and detection of lost or mislabelled bodies."""
 
 import math
 from dataclasses import dataclass, replace
@@ -46,7 +46,7 @@ class Fit:
 
     located: Mask  # (M,) located markers
     rms_m: float  # RMS distance between located and solved markers; NaN if none was located
-    explained: float  # 0 (nothing observed, or far from the solved markers) to 1 (no distance)
+    explained: float  # 0 (nothing seen, or far from the solved markers) to 1 (no distance); at most 0.5 with rays only
     agreement: float  # share of the markers that are seen, explained, and like those of an example: judges labels
 
 

@@ -19,7 +19,7 @@ from ..body.body_parts import PART_JOINTS, PARTS
 from ..body.clock import Clock, clock_of
 from ..body.motion import Motion
 from ..body.pose_notes import NoteKind
-from ..body.scene_pose import PerformerPose, body_confidence
+from ..body.scene_pose import PerformerPose
 from ..body.skeleton import forward_kinematics
 from ..database.store import pose_from_rotations
 from ..formats.markers.recorded_take import take_of_poses
@@ -120,15 +120,16 @@ class TwoWaySolver:
             away_m = np.array([pose.observed_m for pose in poses[part]]) - markers_m
             squares = np.add.reduce(away_m * away_m, axis=-1)
             for row, pose in enumerate(poses[part]):
+                renewed = pose.with_part_errors(trajectory.errors_deg[first + row])
+                if _has_note(pose, NoteKind.LABELLED_LATER):  # no more certain than where its labels were found
+                    renewed = replace(renewed, confidence=min(renewed.confidence, pose.confidence))
                 fitted.append(
                     replace(
-                        pose,
+                        renewed,
                         rotations=rotations[row],
                         root_position_m=roots.position_m[row],
                         markers_m=markers_m[row],
-                        confidence=_renewed(pose, trajectory.errors_deg[first + row]),
                         marker_rms_m=_root_mean(squares[row], pose.marker_rms_m),
-                        part_errors_deg=trajectory.errors_deg[first + row],
                         joint_errors_deg=trajectory.joint_errors_deg[first + row],
                     )
                 )
@@ -202,13 +203,6 @@ def _stretches(poses: Sequence[PerformerPose]) -> list[tuple[int, int]]:
     return found
 
 
-def _renewed(pose: PerformerPose, errors_deg: Array) -> float:
-    """Return the confidence in a pose after its parts' expected errors have changed to other ones (P,)."""
-    if not len(pose.part_errors_deg) or not np.isfinite(errors_deg).all():
-        return pose.confidence
-    return min(pose.confidence * body_confidence(errors_deg) / body_confidence(pose.part_errors_deg), 1.0)
-
-
 def _started(poses: Sequence[PerformerPose]) -> list[PerformerPose]:
     """Return the poses with the first solved one also in the frames before it, instead of the T pose."""
     first = next((index for index, pose in enumerate(poses) if _is_solved(pose)), 0)
@@ -270,10 +264,9 @@ def _backward_trajectory(
             continue
         trajectory.rotations[index] = solver.subject.rotations(solution.pose, solution.root)
         trajectory.root_positions_m[index] = solution.root.position_m
-        trajectory.errors_deg[index] = _known(part_errors.expected_deg(solution), len(PARTS))
-        trajectory.joint_errors_deg[index] = _known(
-            part_errors.expected_joints_deg(solution), live.joint_errors_deg.shape[1]
-        )
+        joints_deg = part_errors.expected_joints_deg(solution)  # known, as only "best" solves backwards
+        trajectory.errors_deg[index] = part_errors.expected_deg(joints_deg)
+        trajectory.joint_errors_deg[index] = joints_deg
     progress(1.0)
     return trajectory
 

@@ -42,9 +42,9 @@ _LEAST_OFF = 0.8
 # Distance of the markers from the neighbours, in standard deviations, above which the neighbours' Gaussian is widened
 # in proportion if the body is in the database: above it, the body moves in a new way.
 _USUAL_DEVIATION = 0.5
-# Bodies that are in the database have a share of the uncertainty of others. Without a learned prior, the neighbours
-# understate it by a factor. Both numbers were found with the scales of `session.part_errors`.
-_KNOWN_SHARE, _ALONE = 0.5, 2.0
+# Factors of the uncertainty, found with the scales of `session.part_errors`:
+_KNOWN_SHARE = 0.5  # for bodies that are in the database
+_ALONE = 2.0  # without a learned prior, because the neighbours understate it
 _LIMIT_PERCENTILES = (1.0, 99.0)  # percentiles of the database's joint angles that are the joint limits
 _LIMIT_MARGIN_RAD = 0.05  # margin added at either end of this range
 
@@ -225,7 +225,8 @@ def _uncertainty(pose: Array, closest: Prior, learned: Prior | None) -> Array:
     """Return the uncertainty (J - 1,) of joints, radians, up to a scale for each joint.
 
     It is the RMS of the learned prior's standard deviation and of the pose's distances from both priors' means. So it
-    is large where the learned prior knows little, and where the two priors, or priors and markers, disagree.
+    is large where the learned prior knows little, and where the two priors, or priors and markers, disagree. Without a
+    learned prior, the neighbours stand for both.
     """
     vague = learned or closest
     squares = vague.covariance.diagonal() + np.square(pose - vague.mean) + np.square(pose - closest.mean)

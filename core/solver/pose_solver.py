@@ -29,7 +29,6 @@ from .trajectory_check import INTERVAL_S, PROVEN, TrajectoryCheck
 _JUMP_M = 0.07  # RMS movement of the markers between two frames above which history may mislead
 _CUT_M = 0.3  # RMS movement above which history is of another motion, because nobody moves all limbs so fast
 _RETRY_S = 0.04  # pause after a failed re-initialisation
-_UP = np.array([0.0, 1.0, 0.0])
 _NEARER = 0.6  # distance to the closest example, relative to the current pose's, below which a new pose replaces it
 
 
@@ -241,9 +240,8 @@ class PoseSolver:
 
     def _tilt_rad(self, root: RootPose, examples: Examples) -> float:
         """Return the angle between the vertical in the axes of a root and the mean one in those of examples."""
-        turns = self.database.root_rotations[examples.frames].astype(np.float64)
-        among = np.add.reduce(rot.rotate(rot.conjugate(turns), _UP))
-        own = rot.rotate(rot.conjugate(root.rotation), _UP)
+        among = np.add.reduce(rot.vertical_in(self.database.root_rotations[examples.frames].astype(np.float64)))
+        own = rot.vertical_in(root.rotation)
         return math.acos(min(max(float(among @ own) / max(float(np.linalg.norm(among)), 1e-9), -1.0), 1.0))
 
 

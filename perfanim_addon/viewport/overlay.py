@@ -112,7 +112,7 @@ def _draw() -> None:
         text = f"Confidence {performer.confidence:.0%}"
         size, margin = STYLE.text * scale, STYLE.margin * scale
         right = viewport_drawing.free(area, region)[1] - viewport_drawing.text_width(text, size)
-        viewport_drawing.text(text, (right - margin, margin), size, confidence_colour(performer))
+        viewport_drawing.text(text, (right - margin, margin), size, confidence_colour(performer.confidence))
 
 
 handler = viewport_drawing.DrawHandler(_draw)
@@ -130,9 +130,9 @@ def _placed(shapes: "Shapes", names: list[tuple[str, Array]]) -> list[tuple[str,
     return [(name, place) for (name, _), place in zip(names, placed, strict=True)]
 
 
-def confidence_colour(pose: PerformerPose) -> Colour:
+def confidence_colour(confidence: float) -> Colour:
     """Return green for full confidence, red for none."""
-    return coloured(pose.confidence / 3.0)
+    return coloured(confidence / 3.0)
 
 
 def shapes_of(
@@ -167,10 +167,10 @@ def _add_space(shapes: "Shapes", space: CommonSpace, on_screen: Projection) -> l
 def _add_skeleton(shapes: "Shapes", skeleton: Skeleton, pose: PerformerPose, on_screen: Projection) -> None:
     """Add the bones, each in the colour of the confidence in its part of the body."""
     joints = on_screen(forward_kinematics(skeleton, pose.rotations, pose.root_position_m)[0])
-    colours = [confidence_colour(pose)] * len(joints)
+    colours = [confidence_colour(pose.confidence)] * len(joints)
     for part, confidence in zip(PART_JOINTS.values(), pose.part_confidences.tolist(), strict=False):
         for joint in part:
-            colours[joint] = coloured(confidence / 3.0)
+            colours[joint] = confidence_colour(confidence)
     for joint, parent in enumerate(skeleton.parents.tolist()):
         if parent >= 0:
             shapes.line(joints[parent], joints[joint], STYLE.bone, colours[joint])

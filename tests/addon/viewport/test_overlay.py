@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 from mathutils import Matrix
-from perfanim.core.body.scene_pose import PerformerPose, ScenePose
+from perfanim.core.body.body_parts import PARTS
+from perfanim.core.body.scene_pose import DOUBTFUL_PART_DEG, PerformerPose, ScenePose, body_confidence
 from perfanim.core.body.skeleton import forward_kinematics
 from perfanim.core.body.standard_skeleton import default_skeleton
 from perfanim.core.geometry import rotations as rot
@@ -83,6 +84,17 @@ def test_the_skeleton_is_green_where_it_is_sure_and_red_where_it_is_guessed() ->
         assert set(shapes.colours) == {colour}
         for place_m in positions_m:
             assert reached(shapes, place_m, 2.0)
+
+
+def test_a_limb_that_is_guessed_is_red_on_a_green_body() -> None:
+    limit_deg = DOUBTFUL_PART_DEG * np.where([part == "left arm" for part in PARTS], 2.0, 0.0)
+    guessed = replace(pose(body_confidence(limit_deg)), part_errors_deg=limit_deg)
+    scene = overlay.Scene(((SKELETON, NAMES),), CAMERAS_M, lambda points_m: points_m)
+    shapes, _ = overlay.shapes_of(scene, ScenePose((guessed,)), frozenset({"SKELETON"}), from_the_front, 1.0)
+    positions_m, _ = forward_kinematics(SKELETON, guessed.rotations, ROOT_M)
+    elbow_m, knee_m = (positions_m[SKELETON.index(joint)] for joint in ("lradius", "rtibia"))
+    assert min(colour[1] for colour in reached(shapes, elbow_m, 2.0)) < 0.1
+    assert set(reached(shapes, knee_m, 2.0)) == {(0.0, 1.0, 0.0, 1.0)}
 
 
 def test_the_space_that_all_cameras_see_lies_on_the_floor_with_its_size() -> None:

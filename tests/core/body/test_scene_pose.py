@@ -12,6 +12,7 @@ from perfanim.core.body.scene_pose import (
     decisions,
     doubtful_parts,
     doubtful_stretches,
+    mean_part_confidences,
     part_confidences,
 )
 
@@ -104,3 +105,20 @@ def test_confidence_in_parts_is_doubtful_at_their_limits_and_the_bodys_is_the_ge
     assert [part for part, known in zip(PARTS, parts, strict=True) if known < DOUBTFUL] == doubtful_parts(errors_deg)
     np.testing.assert_allclose(body_confidence(errors_deg), np.exp(np.log(parts).mean()))
     assert body_confidence(np.empty(0)) == 1.0
+
+
+def test_confidence_follows_the_expected_errors_of_the_parts_and_keeps_what_lowered_it() -> None:
+    errors_deg = 0.3 * DOUBTFUL_PART_DEG
+    lowered = replace(pose(0.0, 0.8 * body_confidence(errors_deg)), part_errors_deg=errors_deg)
+    np.testing.assert_allclose(lowered.part_confidences, 0.8 * part_confidences(errors_deg))
+    worse_deg = np.where(np.arange(len(PARTS)) == 2, 2.0, 0.3) * DOUBTFUL_PART_DEG
+    worse = lowered.with_part_errors(worse_deg)
+    np.testing.assert_allclose(worse.confidence, 0.8 * body_confidence(worse_deg))
+    assert worse.confidence < lowered.confidence
+    assert worse.doubtful_parts == [list(PARTS)[2]]
+    waiting = pose(0.1, 0.0)
+    assert len(waiting.part_confidences) == 0
+    assert mean_part_confidences([waiting]) == {}
+    np.testing.assert_allclose(
+        list(mean_part_confidences([lowered, waiting]).values()), 0.4 * part_confidences(errors_deg)
+    )

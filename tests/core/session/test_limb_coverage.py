@@ -5,10 +5,12 @@ from dataclasses import replace
 import numpy as np
 import perfanim
 import pytest
+from perfanim.core.body.body_parts import PARTS
 from perfanim.core.body.motion import sliced
+from perfanim.core.body.scene_pose import DOUBTFUL
 from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.markers.subject import Subject
-from perfanim.core.session.limb_coverage import near_limbs, open_limbs
+from perfanim.core.session.limb_coverage import doubted, near_limbs, open_limbs
 from perfanim.core.session.solve_take import solve_take
 from perfanim.core.session.verdict import ReasonKind
 from perfanim.core.simulate.simulated_markers import simulate_markers
@@ -57,15 +59,16 @@ def test_an_open_limb_is_told_and_lowers_the_confidence(take, walker, database):
     )
     told = [reason for reason in part.verdict.reasons if "no marker determines the left arm" in reason.text]
     assert [reason.kind for reason in told] == [ReasonKind.LIMB]
-    alone = solve_take(
-        renamed(take, ARM),
-        worn_in(renamed(take, ARM), walker),
-        database,
-        SolveSettings("nearest"),
-        no_progress,
-        causal=True,
-    )
+    worn = worn_in(renamed(take, ARM), walker)
+    alone = solve_take(renamed(take, ARM), worn, database, SolveSettings("nearest"), no_progress, causal=True)
     assert part.summary()["confidence"] == pytest.approx(0.75 * alone.summary()["confidence"])  # one of four limbs
+    live = solve_take(renamed(take, ARM), worn, database, SolveSettings(), no_progress, causal=True).poses_of()[-1]
+    pose = doubted(live, ["left arm"])
+    is_arm = np.array([part in ("left arm", "left hand") for part in PARTS])
+    assert np.all(pose.part_confidences[is_arm] < DOUBTFUL)
+    np.testing.assert_allclose(pose.part_confidences[~is_arm], live.part_confidences[~is_arm])
+    assert pose.confidence < live.confidence
+    assert pose.doubtful_parts == ["left arm", "left hand"]
     rows = {limb.limb: limb for limb in part.verdict.limbs}
     assert (rows["head"].markers, rows["head"].known, rows["head"].placed, rows["head"].left_out) == (5, 5, 0, 0)
     assert sum(limb.left_out for limb in rows.values()) == 6
