@@ -38,9 +38,9 @@ class Desktop:
             text=True,
         )
         assert self._server.stdout is not None
-        number = self._server.stdout.readline().strip()
-        assert number, "Xvfb did not start"
-        self.environment = {**os.environ, "DISPLAY": f":{number}"}
+        self._number = self._server.stdout.readline().strip()
+        assert self._number, "Xvfb did not start"
+        self.environment = {**os.environ, "DISPLAY": f":{self._number}"}
 
     def run(self, *command: str) -> str:
         """Run a program on the display."""
@@ -57,7 +57,8 @@ class Desktop:
 
     def seen(self) -> np.ndarray:
         """Return the pixels of the screen (height, width, 3) in OpenCV's order, without keeping a picture."""
-        path = self._pictures / "seen.ppm"  # quicker than compressing it
+        # of this display, because another may be looked at meanwhile; quicker than compressing it
+        path = self._pictures / f"seen{self._number}.ppm"
         self.run("import", "-window", "root", str(path))
         pixels = cv2.imread(str(path))
         path.unlink()
