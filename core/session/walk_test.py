@@ -10,7 +10,7 @@ from ..geometry.arrays import Array
 from ..markers.marker_noise import marker_noise
 
 SHORTEST_S = 5.0  # long enough for steps with both legs and swings of both arms, s
-# Limits beyond which a figure needs to be improved. The simulated studio reaches 0, 60, 0.05, 0.0001, 0.001, 0.92.
+# Limits beyond which a figure needs to be improved. The simulated studio reaches 0, 60, 0.05, 0.0001, 0.001, 0.98.
 _LOST, _FPS, _HIDDEN, _NOISE_M, _RMS_M, _CONFIDENCE = 0.05, 25.0, 0.25, 0.003, 0.03, 0.7
 _HIDDEN_ON_AVERAGE = 0.1
 _POOR = 2.0  # multiple of a limit above which the verdict is poor
