@@ -25,6 +25,7 @@ def test_random_steps_end_without_an_error_and_leave_nothing() -> None:
     assert sum(result["steps"] for result in results) > 3 * SEQUENCES
 
 
+@pytest.mark.long
 def test_what_is_left_is_seen(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sequence, "_ENDING_S", 0.0)  # processes of other tests stay
     before = remains()

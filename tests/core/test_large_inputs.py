@@ -74,9 +74,13 @@ LARGE: dict[str, tuple[str, Callable[[], str], str | None]] = {
     "blank lines of CSV": ("a.csv", lambda: table("csv", 1, 0) + "\n" * 1_000_000, None),
     "short rows of CSV": ("a.csv", lambda: table("csv", 5, 0) + "1\n" * 500_000, None),
 }  # fmt: skip
+SLOW = ("frames of BVH", "joints without numbers", "names of CSV")
 
 
-@pytest.mark.parametrize(("name", "build", "sentence"), LARGE.values(), ids=LARGE)
+@pytest.mark.parametrize(
+    ("name", "build", "sentence"),
+    [pytest.param(*row, id=each, marks=pytest.mark.long if each in SLOW else []) for each, row in LARGE.items()],
+)
 def test_large_file_takes_bounded_memory(
     tmp_path: Path, name: str, build: Callable[[], str], sentence: str | None
 ) -> None:

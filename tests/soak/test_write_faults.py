@@ -11,6 +11,7 @@ from soak.writes import FULL, KILLED
 from soak.writes import rows as disturbed_works
 
 
+@pytest.mark.long
 def test_nothing_that_stood_before_is_lost() -> None:
     rows = list(disturbed_works(15, 1))
     assert [row for row in rows if row["wrong"]] == []

@@ -14,6 +14,7 @@ from played import curves_of, key_times
 
 bpy = pytest.importorskip("bpy", reason="needs the bpy wheel")
 ROOT = Path(__file__).resolve().parents[2]
+pytestmark = pytest.mark.long
 
 
 @pytest.fixture(scope="module")

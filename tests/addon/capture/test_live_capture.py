@@ -284,6 +284,7 @@ class Refinement:
         self.is_closed = True
 
 
+@pytest.mark.long
 def test_image_folders_are_captured_to_their_end(
     part: Any, chosen: Any, new_capture: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

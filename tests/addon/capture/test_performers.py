@@ -323,6 +323,7 @@ def test_a_take_names_all_and_each_can_be_exported(
     assert part("jobs.activity").message("takes")[0].startswith("20 frames of duel (Ben) in ")
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("near_worker")
 def test_two_before_the_cameras_live_and_solved_again(
     part: Any, chosen: Any, targets: Any, new_capture: Any, tmp_path: Path

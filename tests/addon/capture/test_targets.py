@@ -94,6 +94,7 @@ def check_placed(target: Any, wanted: Matrix) -> None:
     assert np.degrees(min(turned, 2 * np.pi - turned)) < TURN_DEG
 
 
+@pytest.mark.long
 def test_a_sword_is_in_the_characters_hand_live_and_in_the_action(
     part: Any, chosen: Any, targets: Any, new_capture: Any, tmp_path: Path
 ) -> None:

@@ -21,7 +21,7 @@ FIRST, LAST = 1700, 1796  # pairs of the fourth sequence by their numbers: 3 s, 
 MARKERS = "two-webcams"
 UP = 2  # Blender's axis
 
-pytestmark = pytest.mark.usefixtures("near_worker")
+pytestmark = [pytest.mark.long, pytest.mark.usefixtures("near_worker")]
 
 
 @pytest.fixture(scope="module")

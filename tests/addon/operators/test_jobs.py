@@ -64,6 +64,7 @@ def test_files_without_motion_are_an_error_and_leave_nothing(part: Any, errors: 
         operator.arguments(played, bpy.context)
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("near_worker")
 def test_cameras_are_calibrated_from_board_pictures(part: Any, errors: Any, tmp_path: Path) -> None:
     operator = part("operators.camera_operators").PERFANIM_OT_calibrate_cameras

@@ -242,6 +242,7 @@ def refined_live(part: Any, take: str, database: Path, seconds: float) -> Any:
     return refinement
 
 
+@pytest.mark.long
 def test_a_wrong_body_is_refined_while_the_capture_goes_on(
     part: Any, chosen: Any, offer: Any, walk: SimpleNamespace, anna: Path, take: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -47,6 +47,7 @@ def test_the_body_follows_edits(part: Any, keyed: bpy.types.Object, walk: Motion
     assert live.current() is None
 
 
+@pytest.mark.long
 def test_live_follows_edits_of_a_path_and_keeps_what_only_other_frames_tell(part: Any, keyed: bpy.types.Object) -> None:
     controls, scene = part("sketch.controls"), bpy.context.scene
     found = controls.controls_of(keyed)

@@ -216,6 +216,7 @@ def test_what_cannot_be_right_is_told(case, solved, plain, capsys):
     assert plain("--method", "best")[1]["verdict"] == "good"
 
 
+@pytest.mark.long
 def test_a_body_is_fitted_to_a_take_that_begins_empty(take, database_file, tmp_path, capsys):
     shown_m = np.concatenate((np.full((305, len(take.names), 3), np.nan), take.positions_m[:24]))
     late = replace(take, positions_m=shown_m, frame_numbers=np.empty(0, int), times_s=np.empty(0))
@@ -233,9 +234,8 @@ def test_a_body_is_fitted_to_a_take_that_begins_empty(take, database_file, tmp_p
     assert json.loads(capsys.readouterr().out)["residual_mm"] < 15.0
 
 
-@pytest.mark.parametrize(
-    ("name", "ending"), [("halpe-26", "npy"), pytest.param("halpe-26", "trc", marks=pytest.mark.long)]
-)
+@pytest.mark.long
+@pytest.mark.parametrize(("name", "ending"), [("halpe-26", "npy"), ("halpe-26", "trc")])
 def test_keypoints_become_motion_by_one_command(truth, database_file, tmp_path, capsys, name, ending):
     part = sliced(truth, 0, FRAMES)
     take, file = simulate_keypoints(part, load_marker_set(name), seed=3), tmp_path / f"points.{ending}"

@@ -202,6 +202,7 @@ def test_a_take_without_a_performer_is_coped_with(film, bare, run, refused, tmp_
     assert read_take_file(copy).setup.performers == ()
 
 
+@pytest.mark.long
 def test_a_batch_labels_and_solves_a_take_without_a_performer(film, bare, database_file, run, capsys, tmp_path):
     body = ["--subject", film.folder / "subject.toml"]
     given = ["--database", database_file, "--jobs", 1, "--json"]

@@ -139,6 +139,7 @@ def test_filled_file_keeps_its_labels(whole, gappy, suited, database_file, tmp_p
     assert main([*map(str, line[:2]), str(tmp_path / "a.c3d"), "--out", "b.xyz", *map(str, line[5:])]) == 1
 
 
+@pytest.mark.long
 def test_frozen_stretches_are_filled_unless_labels_are_trusted(whole, suited, database_file, tmp_path, capsys):
     held, stretch = whole.names.index("RFIN"), slice(20, 40)
     shown = frames_of(whole, slice(0, 45))

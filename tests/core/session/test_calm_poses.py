@@ -35,7 +35,7 @@ def test_no_joint_jumps_with_noise_and_gaps(truth, subject, database):
     assert beyond.max() <= JUMP_DEG
 
 
-@pytest.mark.parametrize("causal", [True, False], ids=["live", "offline"])
+@pytest.mark.parametrize("causal", [True, pytest.param(False, marks=pytest.mark.long)], ids=["live", "offline"])
 def test_extrapolated_hidden_markers_reduce_errors(truth, subject, database, monkeypatch, causal):
     take, _ = simulate_markers(truth, subject, noise_mm=1.0, dropout=0.2, seed=2)
 

@@ -195,6 +195,7 @@ def test_search_work_per_frame_is_bounded_with_ghosts(subject, database, record,
         assert crowded[:, 1].max() < MOST_CALLS * usual[:, 1].max()
 
 
+@pytest.mark.long
 def test_search_work_for_two_performers_and_a_prop_is_bounded(
     subject, database, record, truth, true_markers, monkeypatch
 ):

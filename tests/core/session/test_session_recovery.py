@@ -80,6 +80,7 @@ def test_wrong_initial_labels_are_corrected(subject, database, record, true_mark
     assert all(right[15:])  # half a second
 
 
+@pytest.mark.long
 def test_right_initial_labels_are_kept(subject, database_of, record, monkeypatch, tmp_path):
     """In a database that is dense in such poses a new start is always nearer to some of them, with the same labels."""
     begun = []
@@ -114,6 +115,7 @@ def test_cut_between_behaviours_recovers(subject, database, record):
     assert followed < 1.1 * alone
 
 
+@pytest.mark.long
 def test_performer_who_turns_away_and_back_is_tracked(subject, database, record):
     """The body hides its own markers from cameras in front; back in view all are known, and the root never was lost."""
     still = performance([("rest", 3.0)], FPS, subject.skeleton)

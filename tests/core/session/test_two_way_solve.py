@@ -68,6 +68,7 @@ def test_motion_before_a_cut_does_not_depend_on_what_follows(take, subject, data
     np.testing.assert_array_equal(whole.motion.rotations[:first], alone.motion.rotations)
 
 
+@pytest.mark.long
 def test_learned_prior_of_the_backward_pass_uses_earlier_markers(stepped, monkeypatch):
     """It was learned from motion that goes forwards: nothing runs through its network in reverse."""
     monkeypatch.setattr("perfanim.core.session.two_way_solve._TOGETHER", 7)
@@ -102,6 +103,7 @@ def test_poses_before_the_first_torso_repeat_the_first_solved_pose(take, subject
         np.testing.assert_array_equal(motion.root_positions_m[frame], motion.root_positions_m[hidden])
 
 
+@pytest.mark.long
 def test_cancellation_is_possible_at_any_moment(take, subject, database):
     for at in (0.1, 0.5, 0.8):
 

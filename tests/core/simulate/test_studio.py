@@ -44,6 +44,7 @@ def centroid(image: np.ndarray, empty: np.ndarray, near: np.ndarray, reach: int 
 # --- round cones and the body
 
 
+@pytest.mark.long
 def test_first_hits_agree_with_marching_along_the_rays() -> None:
     rng = np.random.default_rng(1)
     count = 20

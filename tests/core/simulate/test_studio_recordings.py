@@ -58,6 +58,7 @@ def pictures() -> list[BoardPicture]:
     return list(board_pictures(Renderer(default_rig()), count=16))
 
 
+@pytest.mark.long
 def test_boards_calibrate_the_cameras(pictures: list[BoardPicture]) -> None:
     rig = default_rig()
     points, found = [], ([], [])

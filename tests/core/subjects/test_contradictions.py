@@ -66,6 +66,7 @@ def test_markers_far_from_their_usual_places_are_listed_but_not_those_that_slid_
     assert contradicted_places(moved_markers(worn_at({}, truth.skeleton), SUIT)) == ""
 
 
+@pytest.mark.long
 def test_a_label_of_a_marker_that_is_elsewhere_is_a_reason(truth, database):
     elsewhere = next(marker for marker in SUIT.markers if marker.name == "STRN")
     markers = [replace(elsewhere, name=each.name) if each.name == "LFHD" else each for each in SUIT.markers]

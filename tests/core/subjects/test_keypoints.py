@@ -58,6 +58,7 @@ def test_bones_come_from_the_distances_of_joints(fitted, walk):
     assert sides[0] == pytest.approx(sides[1], rel=1e-6)
 
 
+@pytest.mark.long
 def test_a_calm_body_is_smoothed_more_than_a_moving_one(walk, database):
     still = replace(walk, rotations=walk.rotations[:1].repeat(FRAMES, 0), root_positions_m=0.0 * walk.root_positions_m)
     subject, shares = Subject("walker", walk.skeleton, load_marker_set("halpe-26")), []

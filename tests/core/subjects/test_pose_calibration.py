@@ -210,6 +210,7 @@ def test_frames_that_do_not_show_the_pose_are_refused():
         subject_from_recording([], 30.0, BOXING, PROTOTYPES, "Ann", ("t",))
 
 
+@pytest.mark.long
 def test_a_hand_that_waves_makes_no_held_pose():
     points_m = np.tile(markers_of(PROTOTYPES[8]), (45, 1, 1))
     points_m[:, BOXING.names.index("LHAN"), 1] += 0.15 * np.sin(0.3 * np.arange(45))
@@ -358,6 +359,7 @@ def test_each_pose_is_found_in_the_take_by_itself():
             pose_points(take, BOXING, poses)
 
 
+@pytest.mark.long
 def test_a_subject_from_unlabelled_frames_of_several_poses():
     _, take = posing_take(CALIBRATION)
     rng = np.random.default_rng(2)

@@ -57,6 +57,7 @@ def test_labels_of_a_suit_that_are_exchanged_among_themselves_are_told_and_found
     assert any("fit no body" in note for note in named.notes)
 
 
+@pytest.mark.long
 def test_trajectories_that_are_no_body_are_refused(few_suits, unknown, database):
     take = unknown[0]
     steps = np.random.default_rng(1).normal(0.0, 0.02, take.positions_m.shape)

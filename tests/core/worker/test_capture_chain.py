@@ -167,6 +167,7 @@ def test_two_performers_are_followed_live(request_files: dict[str, Any], tmp_pat
             assert np.linalg.norm(one.root_position_m - root_m) < ROOT_M
 
 
+@pytest.mark.long
 def test_stop_while_the_background_is_learned_is_a_clean_end(request_files: dict[str, Any]) -> None:
     client = WorkerClient(request(request_files, loop=True))
     try:
@@ -182,6 +183,7 @@ def test_stop_while_the_background_is_learned_is_a_clean_end(request_files: dict
     assert not of(MessageKind.ERROR, messages)
 
 
+@pytest.mark.long
 def test_the_simulated_performer_waits_for_who_watches(request_files: dict[str, Any], tmp_path: Path) -> None:
     path = tmp_path / "walk.perftake"
     client = WorkerClient({**request(request_files, loop=True), "take": str(path)})
@@ -229,6 +231,7 @@ def wait_until_gone(process_ids: list[int]) -> None:
         time.sleep(0.05)
 
 
+@pytest.mark.long
 @pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="looks at /proc")
 def test_processes_that_die_or_hang_are_replaced_and_the_take_goes_on(
     request_files: dict[str, Any], tmp_path: Path

@@ -64,6 +64,7 @@ def data(embedded_motion, tmp_path_factory):
     return folder
 
 
+@pytest.mark.long
 def test_figure6_writes_what_it_measures(data, tmp_path):
     figures = figure6(Run(data, tmp_path, 1))
     assert [row["method"] for row in figures["rows"]] == 2 * list(METHODS)
@@ -173,6 +174,7 @@ def test_a_quick_accuracy_compares_less_with_another_version(data, tmp_path, one
     assert whole["ratio"] == pytest.approx(whole["lowest_tenth_deg"] / whole["highest_tenth_deg"], abs=1e-3)
 
 
+@pytest.mark.long
 def test_another_version_solves_the_same_takes(data, tmp_path):
     """This checkout stands in for it: both give one solution, but for the rounding of BVH."""
     run, clips = Run(data, tmp_path), {"16_15", "16_17"}

@@ -50,6 +50,7 @@ def refine(folder: Path, cameras: str, capsys: pytest.CaptureFixture[str]) -> di
     return json.loads(capsys.readouterr().out)
 
 
+@pytest.mark.long
 def test_a_bumped_camera_is_told_and_placed_anew(folder, capsys):
     summary = refine(folder, "before.toml", capsys)
     assert summary["bumped"] and summary["changed"] and "right has moved" in summary["advice"][0]

@@ -182,6 +182,7 @@ def test_solving_again_gives_what_live_gave(tmp_path, recorded, capsys):
     assert slow[0] < 0.5 * slow[1]  # in walking each foot stands for more than half of the time
 
 
+@pytest.mark.long
 def test_solving_again_from_the_detections_alone(tmp_path, recorded, stage_rig, capsys):
     quick = ("--method", "nearest")
     facts = run(capsys, "solve", recorded, *quick, "--out", tmp_path / "a.bvh")

@@ -16,6 +16,8 @@ from perfanim.core.vision.detection.background import background_from_take
 from perfanim.core.vision.sources.image_file_source import ImageFileSource
 from perfanim.core.vision.sources.image_set import ImageSet
 
+pytestmark = pytest.mark.long
+
 
 @pytest.fixture(scope="module")
 def rig(shared_dir):

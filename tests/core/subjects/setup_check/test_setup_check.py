@@ -16,6 +16,8 @@ from perfanim.core.subjects.setup_check.rig_faults import place_fault
 from perfanim.core.vision.calibration.calibration_board import Board, BoardView
 from perfanim.core.vision.detection.background import learn_backgrounds
 
+FREQUENT = (Fault.DARK, Fault.EXCHANGED, Fault.BUMPED, Fault.SQUARE_SIZE, Fault.MARKER_MISSING)  # the others: long
+
 
 @pytest.fixture
 def few_frames(monkeypatch):
@@ -38,7 +40,9 @@ def test_healthy_studios_have_no_fault(seed):
     assert findings_of(studio_with(None, np.random.default_rng([5, seed]))) == []
 
 
-@pytest.mark.parametrize("fault", STUDIO_FAULTS)
+@pytest.mark.parametrize(
+    "fault", [pytest.param(each, marks=[] if each in FREQUENT else pytest.mark.long) for each in STUDIO_FAULTS]
+)
 def test_the_fault_is_named_and_no_other(few_frames, fault):
     findings = findings_of(studio_with(fault, np.random.default_rng([6, STUDIO_FAULTS.index(fault)])))
     assert {finding.fault for finding in findings} == {fault}
@@ -46,6 +50,7 @@ def test_the_fault_is_named_and_no_other(few_frames, fault):
         assert ";" in finding.text or ":" in finding.text  # a fact, then advice
 
 
+@pytest.mark.long
 def test_reflections_are_ignored_before_and_after_the_calibration(few_frames):
     studio = studio_with(Fault.REFLECTION, np.random.default_rng(18))
     names = [camera.name for camera in studio.rig.cameras]
@@ -59,7 +64,7 @@ def test_reflections_are_ignored_before_and_after_the_calibration(few_frames):
     assert findings_of(replace(studio, rig=studio.rig.ignoring(places[1:]))) != []  # the others are seen as before
 
 
-@pytest.mark.parametrize("small", [True, False])
+@pytest.mark.parametrize("small", [True, pytest.param(False, marks=pytest.mark.long)])
 def test_board(small):
     found = board_faults(*board_views(np.random.default_rng(3), small))
     assert {finding.fault for finding in found} == ({Fault.BOARD_SMALL} if small else set())
@@ -80,6 +85,7 @@ def test_place(z_m, fault):
     assert [finding.fault for finding in found] == ([fault] if fault else [])
 
 
+@pytest.mark.long
 def test_too_few_moments_are_refused(monkeypatch):
     monkeypatch.setattr(practice_studio, "SECONDS", 3 / practice_studio.FPS)
     studio = studio_with(None, np.random.default_rng(0))

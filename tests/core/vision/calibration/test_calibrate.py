@@ -185,6 +185,7 @@ def moving(camera: CameraViews, late_s: float, seed: int) -> CameraViews:
     return CameraViews(camera.name, camera.image_size, rows)
 
 
+@pytest.mark.long
 def test_delayed_camera_is_reported_and_costs_little(rig):
     left, right = views(rig, 20)
     pair = [moving(left, 0.0, 1), moving(right, 0.06, 2)]
@@ -201,6 +202,7 @@ def test_delayed_camera_is_reported_and_costs_little(rig):
     assert calibrate_from_points(BOARD.points_m, blind, ambiguous=True).stereo_rms_px > 1.0
 
 
+@pytest.mark.long
 def test_distance_sigma_equals_the_scatter_of_repeated_calibrations(rig):
     errors, sigmas = [], []
     for seed in range(8):

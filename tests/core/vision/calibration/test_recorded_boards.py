@@ -72,7 +72,7 @@ def patterns_in(folder) -> dict[str, str]:
     return {"left": f"{folder}/left*.jpg", "right": f"{folder}/right*.jpg"}
 
 
-@pytest.mark.parametrize("wrong", ["8x6", "10x7", "6x5"])
+@pytest.mark.parametrize("wrong", ["8x6", *(pytest.param(size, marks=pytest.mark.long) for size in ("10x7", "6x5"))])
 def test_error_of_a_wrong_board_size_names_the_right_one(few, wrong):
     with pytest.raises(CalibrationError, match=f"9x6 inner corners, not {wrong}"):
         calibrate_images(patterns_in(few), parse_board(f"chessboard:{wrong}:24mm"), silent)

@@ -46,11 +46,6 @@ def checked_here() -> Iterator[Callable[..., tuple[dict[str, Any], np.ndarray]]]
         yield check
 
 
-@pytest.fixture(scope="module")
-def reflections(checked_here: Any) -> tuple[dict[str, Any], np.ndarray]:
-    return checked_here(fault=str(Fault.REFLECTION))
-
-
 def test_a_healthy_studio_without_a_calibration_has_no_fault_and_no_space(checked_here: Any) -> None:
     found, _ = checked_here()
     assert found == {"findings": [], "space": ""}
@@ -72,17 +67,20 @@ def test_a_healthy_studio_is_checked_with_a_calibration() -> None:
         assert outlined[: len(picture) // 3].sum() == 0
 
 
-@pytest.mark.parametrize("fault", [Fault.DARK, Fault.BUMPED, Fault.REFLECTION])
-def test_a_fault_to_practise_on_is_named(fault: Fault, checked_here: Any, reflections: Any) -> None:
-    found, shown = reflections if fault is Fault.REFLECTION else checked_here(fault=str(fault))
+@pytest.mark.parametrize(
+    "fault", [Fault.DARK, *(pytest.param(each, marks=pytest.mark.long) for each in (Fault.BUMPED, Fault.REFLECTION))]
+)
+def test_a_fault_to_practise_on_is_named(fault: Fault, checked_here: Any) -> None:
+    found, shown = checked_here(fault=str(fault))
     assert {row["fault"] for row in found["findings"]} == {str(fault)}
     ringed = int((abs(shown.astype(int) - (255, 170, 60)).max(axis=2) < 30).sum())
     assert (ringed > 20) == (fault is Fault.REFLECTION)
 
 
 @pytest.mark.long
-def test_reflections_that_are_ignored_are_no_fault_and_are_crossed_out(checked_here: Any, reflections: Any) -> None:
-    places = [place for row in reflections[0]["findings"] for place in row["places"]]
+def test_reflections_that_are_ignored_are_no_fault_and_are_crossed_out(checked_here: Any) -> None:
+    practised, _ = checked_here(fault=str(Fault.REFLECTION))
+    places = [place for row in practised["findings"] for place in row["places"]]
     assert places
     found, shown = checked_here(fault=str(Fault.REFLECTION), rig=rig_tables(default_rig()), ignored=places)
     assert found["findings"] == []

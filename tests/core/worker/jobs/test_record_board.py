@@ -73,6 +73,7 @@ def test_views_are_taken_until_it_is_told_to_finish(tmp_path: Path) -> None:
     assert greener[-1] > greener[0] + 2.0
 
 
+@pytest.mark.long
 def test_a_board_that_is_too_small_is_told_of_each_camera(tmp_path: Path) -> None:
     for picture in board_pictures(Renderer(default_rig()), DEFAULT_BOARD, 4):
         for side, image in zip(("l", "r"), picture.images, strict=True):
