@@ -142,6 +142,7 @@ def test_every_button_is_an_operator_and_every_setting_exists(guide: Any, chosen
                 assert hasattr(chosen, setting)
 
 
+@pytest.mark.long
 def test_a_fault_to_practise_on_is_found_by_the_button(part: Any, guide: Any, chosen: Any) -> None:
     operator = part("operators.guide_operators").PERFANIM_OT_check_setup
     assert not bpy.ops.perfanim.check_setup.poll()  # nothing is to be checked of known cameras

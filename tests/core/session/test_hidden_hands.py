@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from perfanim.core.body.motion import sliced
 from perfanim.core.body.skeleton import forward_kinematics
 from perfanim.core.markers.marker_set import load_marker_set
@@ -19,6 +20,7 @@ JUMP = 560, 640  # frames of the demo, until the hands are seen again
 RAISED_M = 0.35  # of a hand above the hips
 
 
+@pytest.mark.long
 def test_other_markers_do_not_inflate_hidden_hands(tmp_path, monkeypatch):
     database = embedded_database(tmp_path / "embedded.pfdb", no_progress)
     truth = sliced(performance(DEMO), *JUMP)

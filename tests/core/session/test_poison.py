@@ -80,7 +80,7 @@ def test_frames_with_impossible_times_have_no_effect(subject, database, clean, s
 
 
 @pytest.mark.parametrize("labels", [KNOWN, None])
-@pytest.mark.parametrize("seed", range(TAKES))
+@pytest.mark.parametrize("seed", [0, *(pytest.param(each, marks=pytest.mark.long) for each in range(1, TAKES))])
 def test_impossible_points_and_rays_have_no_effect(subject, database, record, true_markers, stage_rig, labels, seed):
     generator = np.random.default_rng(seed)
     session, clean = Session(subject, database, stage_rig), Session(subject, database, stage_rig)
@@ -116,6 +116,7 @@ def test_session_restarts_after_an_hour(subject, database, record, true_markers)
     assert [pose.confidence for pose in poses[:2]] == [0.0, 0.0]
 
 
+@pytest.mark.long
 def test_performers_props_and_filters_ignore_impossible_frames(subject, database, record, truth, true_markers):
     sword = load_prop("sword")
     turns, places = held_poses(sword, truth)

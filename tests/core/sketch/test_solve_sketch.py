@@ -228,6 +228,7 @@ def test_a_moved_key_is_solved_again_as_from_the_start(truth, database, walk):
         np.testing.assert_allclose(getattr(again.motion, name), getattr(fresh.motion, name), atol=0.02)
 
 
+@pytest.mark.long
 def test_small_edits_do_not_add_up(truth, database, walk):
     """Edits too small to be solved again, thirty of them, are three millimetres."""
     kept = SketchSolver(truth.skeleton, database)

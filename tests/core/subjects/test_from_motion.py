@@ -45,6 +45,7 @@ def wrong_start():
     return Subject("walker", default_skeleton(1.9), load_marker_set("two-webcams"))
 
 
+@pytest.mark.long
 def test_body_and_offsets_come_closer_to_the_truth(embedded_motion, take, worn, wrong_start, database):
     truth = embedded_motion["walking-02-energetic"].skeleton
     fit = subject_from_motion(take, wrong_start, database)

@@ -35,6 +35,7 @@ def unknown(truth):
     return replace(take, names=(*true, "floor"), positions_m=positions), true
 
 
+@pytest.mark.long
 def test_unknown_labels_become_those_of_the_suit_that_moves_like_them(unknown, database):
     take, true = unknown
     named, worn = labelled_by(AUTO, take, database)

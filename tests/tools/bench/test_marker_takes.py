@@ -11,6 +11,7 @@ from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.simulate.simulated_markers import simulate_markers
 
 
+@pytest.mark.long
 def test_takes_are_solved_or_refused_and_drawn(embedded_motion, tmp_path):
     folder = tmp_path / "data" / "trc"
     folder.mkdir(parents=True)

@@ -90,6 +90,7 @@ def test_only_what_has_changed_is_done_again(finished, inputs, tmp_path):
     assert took == ["blank"]
 
 
+@pytest.mark.long
 @pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="a kill is a signal")
 def test_killed_in_the_middle_and_started_again(finished, inputs, tmp_path):
     """The batch is killed when two takes are done and its two workers have begun others; what is left is done in

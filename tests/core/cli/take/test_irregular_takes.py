@@ -126,6 +126,7 @@ def test_an_imported_take_is_told_exported_and_solved_in_its_time(kind, tmp_path
 
 
 @pytest.mark.long
+@pytest.mark.long
 def test_a_batch_reports_and_writes_the_true_durations(tmp_path, capsys, database_file):
     seeds = {f"take{seed:02}": seed for seed in range(0, 50, 10)} | {"take07": 7}
     (tmp_path / "takes").mkdir()

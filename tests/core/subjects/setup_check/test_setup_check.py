@@ -35,7 +35,8 @@ def test_every_fault_has_a_studio_or_a_board():
     assert len(Fault) == 13
 
 
-@pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.long)])
+@pytest.mark.long
+@pytest.mark.parametrize("seed", [1, 2])
 def test_healthy_studios_have_no_fault(seed):
     assert findings_of(studio_with(None, np.random.default_rng([5, seed]))) == []
 
