@@ -26,7 +26,6 @@ from ..markers.prop import Prop
 from ..markers.subject import Subject
 from ..markers.take_frames import is_unnamed
 from ..session.capture_setup import CaptureSetup
-from ..session.limb_coverage import coverage_text, doubted, open_limbs
 from ..session.session_cache import SessionCache
 from ..session.solve_take import solve_recorded, solve_take
 from ..session.solved_take import SolvedTake
@@ -34,13 +33,14 @@ from ..session.steady_motion import motion_of
 from ..session.verdict import Reason, ReasonKind
 from ..solver.marker_selection import choose_markers, with_markers, worn_in
 from ..solver.settings import METHODS, SolveSettings
-from ..subjects.contradictions import contradicted_bones, contradicted_places, moved_markers
+from ..subjects.contradictions import contradicted_places, moved_markers
 from ..subjects.refine_body import refine_body
 from ..subjects.refinement_text import worthwhile
 from ..subjects.unknown_marker_placement import place_markers
 from ..system.progress import Progress, no_progress
 from ..system.schema import About, check_ranges
 from .calibration import fit_subject
+from .coverage_findings import with_coverage
 from .take_reading import choose_worn, fit_take, labelled_by
 
 Facts = dict[str, Any]
@@ -195,40 +195,8 @@ def solve_markers(
     }
     solved, report = replace(solved, corrected=corrected), report | changes | choice
     if not is_unnamed(take):
-        solved, report["coverage"] = _with_coverage(solved, take, subject, worn.marker_set)
+        solved, report["coverage"] = with_coverage(solved, take, subject, worn.marker_set)
     return _finished(solved, request, None, report)
-
-
-def _with_coverage(solved: SolvedTake, take: MarkerTake, subject: Subject, used: MarkerSet) -> tuple[SolvedTake, str]:
-    """Return the take with findings about its limbs and labels, and the marker coverage in words.
-
-    Limbs without markers are doubtful, and lower the confidence.
-    """
-    shown = [name for name, visible in zip(take.names, take.visible.T, strict=True) if visible.any()]
-    unused = [i for i, name in enumerate(take.names) if name in shown and name not in used.names]
-    lacking = open_limbs(subject.marker_set, [name for name in shown if name in used.names])
-    known = [marker.name for marker in used.markers if marker.name in shown and not marker.placed]
-    inferred = [limb for limb in open_limbs(used, known) if limb not in lacking]
-    text = "the labels were recognised from the motion, but not clearly: check them"
-    findings = [Reason(ReasonKind.LABELS, text)] if take.is_guessed else []
-    if text := contradicted_bones(solved.poses_of(), replace(subject, marker_set=used)):
-        findings.append(Reason(ReasonKind.LIMB, text))
-    if lacking:
-        guessed = "its pose is guessed" if len(lacking) == 1 else "their poses are guessed"
-        findings.append(Reason(ReasonKind.LIMB, f"no marker determines {_listed(lacking)}: {guessed}"))
-    if inferred:
-        text = f"only markers placed from the motion determine {_listed(inferred)}: check the labels"
-        findings.append(Reason(ReasonKind.LIMB, text))
-    poses = tuple(
-        replace(pose, performers=tuple(doubted(each, lacking) for each in pose.performers)) for pose in solved.poses
-    )
-    all_findings, unused_m = (*solved.findings, *findings), take.positions_m[:, unused]
-    solved = replace(solved, poses=poses, findings=all_findings, unused_m=unused_m)
-    return solved, coverage_text(used, shown, lacking)
-
-
-def _listed(limbs: Sequence[str]) -> str:
-    return ", ".join(f"the {limb}" for limb in limbs)
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ A `Schema` reads tables (TOML, JSON) as such a dataclass, reports invalid values
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import MISSING, Field, dataclass, fields, is_dataclass
-from enum import Enum
+from enum import Enum, EnumType
 from numbers import Real
 from types import NoneType, UnionType
 from typing import Annotated, Any, Generic, TypeAlias, TypeVar, Union, get_args, get_origin, get_type_hints
@@ -96,7 +96,8 @@ class Key:
         self.field, self.name = field.name, self.about.key or field.name
         self.default = field.default if field.default_factory is MISSING else field.default_factory()
         self.optional = self.default is not MISSING if self.about.optional is None else self.about.optional
-        self.choices = self.about.choices or tuple(str(each.value) for kind in self.holds for each in _members(kind))
+        members: list[Enum] = [each for kind in self.holds if isinstance(kind, EnumType) for each in kind]
+        self.choices = self.about.choices or tuple(str(each.value) for each in members)
         self.is_table = self.holds[0] is Mapping or is_dataclass(self.holds[0])
 
     def _add(self, hint: Any) -> None:
@@ -230,7 +231,7 @@ class Key:
         """Return a valid string, boolean or number."""
         about = self.about
         for kind in self.holds:
-            if kind is str or _members(kind):
+            if kind is str or isinstance(kind, EnumType):
                 fits = isinstance(value, str) and len(value) >= about.least and "\0" not in value
                 fits = fits and (not self.choices or value in self.choices)
             elif kind is bool:
@@ -389,11 +390,6 @@ def keys_of(cls: Any) -> Sequence[Key]:
         hints = get_type_hints(cls, include_extras=True)
         _known_keys[cls] = [Key(each, hints[each.name]) for each in fields(cls) if each.init]
     return _known_keys[cls]
-
-
-def _members(kind: Any) -> list[Enum]:
-    """Return the members of an Enum, or none for another type."""
-    return list(kind) if isinstance(kind, type) and issubclass(kind, Enum) else []
 
 
 def _row_name(row: Any, otherwise: str) -> str:
