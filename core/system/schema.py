@@ -96,8 +96,8 @@ class Key:
         self.field, self.name = field.name, self.about.key or field.name
         self.default = field.default if field.default_factory is MISSING else field.default_factory()
         self.optional = self.default is not MISSING if self.about.optional is None else self.about.optional
-        members: list[Enum] = [each for kind in self.holds if isinstance(kind, EnumType) for each in kind]
-        self.choices = self.about.choices or tuple(str(each.value) for each in members)
+        enums = [kind for kind in self.holds if isinstance(kind, EnumType)]
+        self.choices = self.about.choices or tuple(str(value) for kind in enums for value in plain(list(kind)))
         self.is_table = self.holds[0] is Mapping or is_dataclass(self.holds[0])
 
     def _add(self, hint: Any) -> None:
