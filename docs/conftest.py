@@ -18,6 +18,9 @@ from sybil.parsers.markdown import CodeBlockParser, PythonCodeBlockParser
 # first words of a command -> why it is not run; its arguments are parsed all the same (tests/tools/test_documents.py)
 LEFT_OUT = {
     "perfanim calibrate cameras --camera a=a.mp4": "needs videos of a ChArUco board by three cameras",
+    "perfanim network get": "needs the internet; the tests of the network have its file",
+    "perfanim track --cameras cameras.toml --left left.mp4 --right right.mp4 --people": "needs videos of a person",
+    "perfanim solve walk.take.npz --out walk.bvh": "needs such a take",
     "perfanim calibrate floor": "needs a recording of markers that lie on the floor",
     "perfanim batch plan.toml": "needs the plan of the page and its folders; the tests of batches run plans",
     "perfanim sketch dance.blend": "needs a file with controls; the tests of the sample solve one",

@@ -23,7 +23,7 @@ from ..labelling.trajectory_linking import track_markers
 from ..labelling.trajectory_naming import match_trajectories, name_trajectories
 from ..markers.floor_from_feet import floor_points, to_rig_world
 from ..markers.marker_frame import MarkerFrame
-from ..markers.marker_set import MarkerSet
+from ..markers.marker_set import MarkerSet, load_marker_set
 from ..markers.marker_take import MarkerTake
 from ..markers.subject import Subject
 from ..session.multi_target_session import MultiTargetSession
@@ -35,9 +35,11 @@ from ..system.progress import Progress, no_progress
 from ..system.schema import About, check_ranges
 from ..vision.calibration.rig_on_floor import rig_on_floor
 from ..vision.detection.blob_detector import DetectionSettings
+from ..vision.people.body_network import BlazePose
+from ..vision.people.people_pipeline import PeoplePipeline
 from ..vision.pipeline import MarkerPipeline
 from ..vision.sources.source_kinds import open_image_source
-from ..vision.tracked_take import image_take, labelled_rms_px, synchronise_frames
+from ..vision.tracked_take import image_take, labelled_rms_px, labelled_take, synchronise_frames
 
 Facts = dict[str, Any]
 
@@ -48,6 +50,7 @@ _LATER = "none: solving the take labels the markers"
 class _Settings:
     background_samples: int = 31  # images of the take used to learn its background
     empty_samples: int = 240  # largest number of images without the performer used to learn the background
+    searched: int = 40  # crops of each image that are searched until a person is found
     worn_share: float = 0.25  # share of frames in which all worn markers are assumed visible, to count them
 
 
@@ -76,6 +79,9 @@ class TrackRequest:
         tuple[str, ...],
         About("images without the performer, one source per camera (default: learned from the take itself)"),
     ] = ()
+    people: Annotated[str | None, About("file of a body network, with which a person without markers is tracked")] = (
+        None
+    )
     threshold: Annotated[
         float | None, About("grey levels above the background (default: automatic)", "grey levels")
     ] = None
@@ -111,7 +117,14 @@ class TrackRequest:
     @property
     def worn(self) -> int | None:
         """Number of markers worn; None if unknown."""
+        if self.people:
+            return len(self.points)
         return len(self.marker_set) if self.marker_set else self.markers
+
+    @property
+    def points(self) -> MarkerSet:
+        """Points of the body network."""
+        return load_marker_set(BlazePose.marker_set)
 
     @property
     def name(self) -> str:
@@ -132,7 +145,7 @@ def track(request: TrackRequest, progress: Progress = no_progress) -> Facts:
     with closing(
         open_image_source(*request.sources, fps=request.fps, size=request.rig.cameras[0].image_size)
     ) as source:
-        pipeline = _pipeline(request, source, progress)
+        pipeline = _people(request) if request.people else _pipeline(request, source, progress)
         frames = _detect(request, pipeline, source, spent_s, progress)
         if is_recorded(request.out):
             facts = _record(request, frames, keep_cut=_is_endless(source))
@@ -143,6 +156,11 @@ def track(request: TrackRequest, progress: Progress = no_progress) -> Facts:
         "warnings": [*getattr(source, "warnings", ()), *facts["warnings"]],
         "out": request.out,
     }
+
+
+def _people(request: TrackRequest) -> PeoplePipeline:
+    network = BlazePose(Path(request.people or ""))
+    return PeoplePipeline(request.rig, [network] * len(request.rig), _SETTINGS.searched)
 
 
 def _pipeline(request: TrackRequest, source: Any, progress: Progress) -> MarkerPipeline:
@@ -160,7 +178,11 @@ def learn_from_source(pipeline: MarkerPipeline, source: Any) -> None:
 
 
 def _detect(
-    request: TrackRequest, pipeline: MarkerPipeline, source: Any, spent_s: list[float], progress: Progress
+    request: TrackRequest,
+    pipeline: MarkerPipeline | PeoplePipeline,
+    source: Any,
+    spent_s: list[float],
+    progress: Progress,
 ) -> Iterator[MarkerFrame]:
     """Yield the marker frames; append each frame's computing time, s, to `spent_s`."""
     if request.seconds is None and _is_endless(source):
@@ -204,7 +226,7 @@ def _record(request: TrackRequest, frames: Iterator[MarkerFrame], *, keep_cut: b
 def _synchronise(request: TrackRequest, frames: Sequence[MarkerFrame]) -> tuple[Sequence[MarkerFrame], Facts]:
     """Return the frames with the blobs of all cameras moved to one time, and figures about them."""
     aligned: Facts = {}
-    if len(request.rig) > 1 and request.time_offsets:
+    if len(request.rig) > 1 and request.time_offsets and not request.people:
         frames, offsets = synchronise_frames(request.rig, frames)
         aligned = {
             "time_offsets_ms": [1e3 * offset.offset_s if offset.is_found else None for offset in offsets],
@@ -218,7 +240,10 @@ def _write_trajectories(request: TrackRequest, seen: Sequence[MarkerFrame], fps:
     frames, facts = _synchronise(request, seen)
     found: Facts = {"labels": _LATER, "warnings": []}
     progress(0.6, "labelling")
-    if len(request.rig) == 1 and request.database is None:
+    if request.people:
+        take = labelled_take(frames, request.points.names, request.name, fps, request.rig)
+        found["labels"] = "those of the body network"
+    elif len(request.rig) == 1 and request.database is None:
         take = image_take(frames, request.rig, request.name, fps)
     else:
         labelled = request.database is not None

@@ -23,7 +23,7 @@ from .output_guard import guarded_run
 # The module NAME_command has add_parser(subparsers), which sets `run`: (args, progress) -> summary or `PartialResult`.
 COMMANDS = (
     "demo", "check", "calibrate", "track", "take", "database", "solve", "sketch", "evaluate", "retarget", "vmc",
-    "batch", "simulate", "bench", "diagnose",
+    "batch", "network", "simulate", "bench", "diagnose",
 )  # fmt: skip
 _PACKAGES = ("calibrate", "take", "batch")  # commands that are packages with a module NAME_command
 

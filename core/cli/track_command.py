@@ -44,6 +44,8 @@ def add_parser(subparsers: Any) -> None:
         level_rig="--floor-cameras FILE",
         truth="--truth TAKE",
     )
+    network = "track a person without markers, with this body network (default: the one that `network get` brought)"
+    parser.add_argument("--people", metavar="NETWORK", nargs="?", const="", help=network)
     add_switch(
         parser,
         "--no-time-offset",
@@ -55,6 +57,7 @@ def add_parser(subparsers: Any) -> None:
 
 
 def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
+    from ..api.body_network import body_network_file
     from ..api.tracking import TrackRequest, track
 
     _check(args)
@@ -72,12 +75,17 @@ def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
         subject=subject,
         database=open_database(args.database) if args.database else None,
         time_offsets=not args.no_time_offset,
+        people=None if args.people is None else args.people or str(body_network_file()),
     )
     return track(request, progress)
 
 
 def _check(args: argparse.Namespace) -> None:
     """Exit for wrong usage, or raise SettingsError, if options contradict each other; called before any work."""
+    markers = ("marker_set", "markers", "threshold", "background", "database", "subject", "skeleton")
+    if args.people is not None and (given := [each for each in markers if getattr(args, each, None)]):
+        option = "--" + given[0].replace("_", "-")
+        raise SettingsError(f"{option} is for markers, not for --people", advice="leave one of them out")
     if is_recorded(args.out):
         _check_left_out(args, "labels, which a .perftake gets when it is solved")
     else:

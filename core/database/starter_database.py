@@ -1,13 +1,12 @@
 """The starter database: the shipped motion, built once for each user and version."""
 
-import os
-import sys
 from pathlib import Path
 
 from .. import __version__
 from ..errors import DatabaseError
 from ..system.assets import MOTION
 from ..system.progress import Progress, no_progress
+from ..system.user_folder import cache_folder
 from .build_database import build_database
 from .store import DATABASE_SUFFIX
 
@@ -20,7 +19,7 @@ def starter_database(progress: Progress = no_progress) -> Path:
     Raises:
         DatabaseError: The database cannot be built or written.
     """
-    path = _cache_folder() / f"starter-{__version__}{DATABASE_SUFFIX}"
+    path = cache_folder() / f"starter-{__version__}{DATABASE_SUFFIX}"
     if not path.exists():
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
@@ -29,14 +28,3 @@ def starter_database(progress: Progress = no_progress) -> Path:
             raise DatabaseError(what, where=str(path.parent), advice="choose another motion database") from error
         build_database([MOTION], path, progress=lambda share, _: progress(share, "building the starter database"))
     return path
-
-
-def _cache_folder() -> Path:
-    """Return this package's folder among the system's cache folders."""
-    if sys.platform == "win32":
-        base = Path(os.environ.get("LOCALAPPDATA") or Path.home() / "AppData" / "Local")
-    elif sys.platform == "darwin":
-        base = Path.home() / "Library" / "Caches"
-    else:
-        base = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-    return base / "perfanim"

@@ -17,6 +17,7 @@ from .matching.stereo import StereoMatcher, unused_blobs
 from .matching.time_alignment import TimeAligner
 from .sources.image_set import ImageSet
 
+_BLOCK_PX = 16  # side of the blocks that videos are encoded in
 _NO_BLOBS = np.empty((0, 5), dtype=np.float32)
 
 
@@ -43,7 +44,7 @@ class MarkerPipeline:
 
     def set_backgrounds(self, backgrounds: Sequence[Background | None]) -> None:
         """Use a background for each camera; None for a camera in the dark."""
-        self._check_count(len(backgrounds))
+        _check_count(self.rig, len(backgrounds))
         self.backgrounds = tuple(backgrounds)
         self.detectors = tuple(
             Detector(background, self._detection, camera.ignored_px)
@@ -59,7 +60,7 @@ class MarkerPipeline:
         moments = list(images)
         if not moments:
             raise CaptureError("there are no images to learn the background from", advice="give images of the take")
-        self._check_count(len(moments[0]))
+        _check_count(self.rig, len(moments[0]))
         self.set_backgrounds([background_from_take(column) for column in zip(*moments, strict=True)])
 
     def process(self, images: ImageSet) -> MarkerFrame:
@@ -72,21 +73,7 @@ class MarkerPipeline:
         Raises:
             CaptureError: The number or the size of the images does not match the calibration.
         """
-        self._check_count(len(images.images))
-        for camera, image in zip(self.rig.cameras, images.images, strict=True):
-            height, width = image.shape[:2]
-            if (width, height) != camera.image_size:
-                is_turned = (height, width) == camera.image_size
-                alike = [other.name for other in self.rig.cameras if other.image_size == (width, height)]
-                turned = f", as those of camera {alike[0]}: are the cameras exchanged?" if alike else ""
-                turned = ", as if turned by 90 degrees" if is_turned else turned
-                advice = "record at the size of the calibration, or calibrate again"
-                raise CaptureError(
-                    f"images are {width}x{height}, but the calibration is for "
-                    f"{camera.image_size[0]}x{camera.image_size[1]}{turned}",
-                    where=f"camera {camera.name}",
-                    advice=f"turn the video back, or {advice}" if is_turned else advice,
-                )
+        check_images(self.rig, images)
         rows = zip(self.detectors, images.images, images.usable, strict=True)
         blobs = tuple(detector.detect(image) if use else _NO_BLOBS for detector, image, use in rows)
         stamps_s = np.where(images.usable, images.times_s, np.nan)
@@ -121,10 +108,32 @@ class MarkerPipeline:
             notes=(*seen.notes, self.mismatch.note) if self.mismatch is not None else seen.notes,
         )
 
-    def _check_count(self, count: int) -> None:
-        if count != len(self.rig):
+
+def check_images(rig: CameraRig, images: ImageSet) -> None:
+    """Raise CaptureError if the number or the size of the images does not match the calibration."""
+    _check_count(rig, len(images.images))
+    for camera, image in zip(rig.cameras, images.images, strict=True):
+        height, width = image.shape[:2]
+        # video encoders fill up the right and lower edge to whole blocks, which the calibration may include
+        padded = tuple(-(-length // _BLOCK_PX) * _BLOCK_PX for length in (width, height))
+        if camera.image_size not in ((width, height), padded):
+            is_turned = (height, width) == camera.image_size
+            alike = [other.name for other in rig.cameras if other.image_size == (width, height)]
+            turned = f", as those of camera {alike[0]}: are the cameras exchanged?" if alike else ""
+            turned = ", as if turned by 90 degrees" if is_turned else turned
+            advice = "record at the size of the calibration, or calibrate again"
             raise CaptureError(
-                f"there {'is' if count == 1 else 'are'} {counted(count, 'image')}, "
-                f"but the calibration is for {counted(len(self.rig), 'camera')}",
-                advice="use a calibration of this set-up",
+                f"images are {width}x{height}, but the calibration is for "
+                f"{camera.image_size[0]}x{camera.image_size[1]}{turned}",
+                where=f"camera {camera.name}",
+                advice=f"turn the video back, or {advice}" if is_turned else advice,
             )
+
+
+def _check_count(rig: CameraRig, count: int) -> None:
+    if count != len(rig):
+        raise CaptureError(
+            f"there {'is' if count == 1 else 'are'} {counted(count, 'image')}, "
+            f"but the calibration is for {counted(len(rig), 'camera')}",
+            advice="use a calibration of this set-up",
+        )

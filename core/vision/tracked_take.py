@@ -87,3 +87,24 @@ def image_take(frames: Sequence[MarkerFrame], rig: CameraRig, name: str, fps: fl
         times_s,
         SingleViews(rig, cameras, points),
     )
+
+
+def labelled_take(
+    frames: Sequence[MarkerFrame], names: Sequence[str], name: str, fps: float, rig: CameraRig
+) -> MarkerTake:
+    """Return a take with the points that their source has labelled, and those that a single camera shows."""
+    positions_m = np.full((len(frames), len(names), 3), np.nan)
+    cameras, points = np.full(positions_m.shape[:2], -1), np.full((*positions_m.shape[:2], 2), np.nan)
+    for row, frame in enumerate(frames):
+        positions_m[row, frame.labels] = frame.points_m
+        cameras[row, frame.single_labels] = frame.single_cameras
+        points[row, frame.single_labels] = frame.single_points
+    return MarkerTake(
+        name,
+        fps,
+        tuple(names),
+        positions_m,
+        np.array([frame.number for frame in frames]),
+        np.array([frame.time_s for frame in frames]),
+        SingleViews(rig, cameras, points),
+    )

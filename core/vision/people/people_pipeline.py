@@ -1,0 +1,150 @@
+"""Pipeline from images to marker frames with the labelled points of one person."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from statistics import fmean
+
+import numpy as np
+
+from ...geometry.arrays import Array, FloatArray, Mask
+from ...geometry.camera import CameraRig
+from ...geometry.triangulation import triangulate
+from ...markers.marker_frame import MarkerFrame, undistort_blobs
+from ...markers.marker_set import MarkerSet, load_marker_set
+from ..pipeline import check_images
+from ..sources.image_set import ImageSet, camera_title
+from .body_network import BodyNetwork, FoundPerson
+from .person_follower import PersonFollower
+from .side_exchanges import SideExchanges
+
+
+@dataclass(frozen=True)
+class LocateSettings:
+    """Settings of `PersonLocator`."""
+
+    least_visible: float = 0.1  # probability of being visible below which a point is not used
+    error_share: float = 0.012  # standard deviation of a point in a picture, in units of the crop's side
+    contradiction: float = 6.0  # reprojection error, in standard deviations, above which two rays do not meet
+    reweighted: int = 8  # number of times that the rays of three or more cameras are weighted by how well they meet
+
+
+_S = LocateSettings()
+_NOBODY = np.empty((0, 5), dtype=np.float32)
+
+
+class PeoplePipeline:
+    """Finds one person in the images of a rig's cameras, and locates the network's points.
+
+    Args:
+        rig: Calibrated cameras.
+        networks: A network for each camera.
+        tries: Number of crops that are searched in each image until somebody is found; see `PersonFollower`.
+    """
+
+    def __init__(self, rig: CameraRig, networks: Sequence[BodyNetwork], tries: int) -> None:
+        self.rig = rig
+        self._followers = [PersonFollower(network, tries) for network in networks]
+        self._locator = PersonLocator(rig, load_marker_set(networks[0].marker_set))
+
+    def process(self, images: ImageSet) -> MarkerFrame:
+        """Return the points of one image set: `detect`, then `PersonLocator.locate`."""
+        return self._locator.locate(self.detect(images))
+
+    def detect(self, images: ImageSet) -> MarkerFrame:
+        """Return the points of the person in each image, as the rows of `MarkerFrame.blobs` in the network's order.
+
+        A row's radius is the point's standard deviation, its brightness the probability that it is visible. An image
+        without a person has no rows.
+
+        Raises:
+            CaptureError: The number or the size of the images does not match the calibration.
+        """
+        check_images(self.rig, images)
+        rows = zip(self._followers, images.images, images.usable, strict=True)
+        found = [follower.step(image) if use else None for follower, image, use in rows]
+        names = [camera.name for camera in self.rig.cameras]
+        nobody = tuple(
+            f"{camera_title(index, names)} shows nobody"
+            for index, (person, use) in enumerate(zip(found, images.usable, strict=True))
+            if use and person is None
+        )
+        stamps_s = np.where(images.usable, images.times_s, np.nan)
+        time_s = fmean(stamps_s[np.isfinite(stamps_s)].tolist() or images.times_s)
+        return MarkerFrame(
+            images.number,
+            time_s,
+            blobs=tuple(_rows(person) for person in found),
+            camera_times_s=stamps_s,
+            notes=(*images.notes, *nobody),
+        )
+
+
+def _rows(person: FoundPerson | None) -> FloatArray:
+    if person is None:
+        return _NOBODY
+    rows = np.zeros((len(person.pixels), 5), dtype=np.float32)
+    rows[:, :2] = person.pixels
+    rows[:, 2] = _S.error_share * person.crop.side_px
+    rows[:, 3] = 255.0 * person.visibilities
+    return rows
+
+
+class PersonLocator:
+    """Locates a network's points in space, with left and right put right.
+
+    Args:
+        rig: Calibrated cameras.
+        points: The network's points, in its order.
+    """
+
+    def __init__(self, rig: CameraRig, points: MarkerSet) -> None:
+        self._rig, self._count = rig, len(points)
+        self._exchanges = SideExchanges(rig.cameras, points.markers)
+
+    def locate(self, seen: MarkerFrame) -> MarkerFrame:
+        """Return the labelled points of one moment from what `PeoplePipeline.detect` returned."""
+        seen = undistort_blobs(replace(seen, blobs=seen.detected, normalised=()), self._rig.cameras)
+        normalised = np.full((len(self._rig), self._count, 2), np.nan)
+        sigmas_px = np.ones(normalised.shape[:2])
+        for camera, (rows, coordinates) in enumerate(zip(seen.blobs, seen.normalised, strict=True)):
+            if len(rows) == self._count:
+                visible = rows[:, 3] >= 255.0 * _S.least_visible
+                normalised[camera, visible], sigmas_px[camera] = coordinates[visible], rows[:, 2]
+        rows_of = self._exchanges.step(seen.time_s, normalised)
+        cameras = np.arange(len(self._rig))[:, None]
+        normalised, sigmas_px = normalised[cameras, rows_of].swapaxes(0, 1), sigmas_px[cameras, rows_of].T
+        is_seen = np.isfinite(normalised[..., 0])  # (K, C)
+        several, alone = (np.flatnonzero(mask) for mask in (is_seen.sum(axis=1) >= 2, is_seen.sum(axis=1) == 1))
+        points_m, covariances_m2, is_seen[several] = self._meet(
+            normalised[several], sigmas_px[several], is_seen[several]
+        )
+        meets = is_seen[several].sum(axis=1) >= 2
+        several = several[meets]
+        cameras_alone = is_seen[alone].argmax(axis=1)
+        return replace(
+            seen,
+            points_m=points_m[meets],
+            covariances_m2=covariances_m2[meets],
+            labels=several,
+            point_blobs=np.where(is_seen, rows_of.T, -1)[several],
+            single_cameras=cameras_alone,
+            single_blobs=rows_of.T[alone, cameras_alone],
+            single_points=normalised[alone, cameras_alone],
+            single_labels=alone,
+        )
+
+    def _meet(self, normalised: Array, sigmas_px: Array, is_seen: Mask) -> tuple[Array, Array, Mask]:
+        """Return where rays (N, C, 2) meet (N, 3), the covariances, and which rays (N, C) meet there.
+
+        Of three or more rays, those that miss the others count less (Cauchy's weights).
+        """
+        if len(is_seen) == 0:
+            return np.empty((0, 3)), np.empty((0, 3, 3)), is_seen
+        weights = np.where(is_seen, 1.0 / sigmas_px, 0.0)
+        robust = is_seen.astype(np.float64)
+        for _ in range(_S.reweighted if len(self._rig) > 2 else 1):
+            shares = np.sqrt(robust)
+            points_m, covariances_m2, errors = triangulate(self._rig.cameras, normalised, weights * shares, 1.0)
+            errors = np.divide(errors, shares, out=errors, where=is_seen)
+            robust = np.where(is_seen, 1.0 / (1.0 + errors**2), 0.0)
+        return points_m, covariances_m2, is_seen & (errors < _S.contradiction)

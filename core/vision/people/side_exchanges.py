@@ -1,0 +1,117 @@
+"""Left and right, which a body network exchanges in single pictures of single cameras.
+
+For each group of points (arms, legs, head), every camera's picture may show left and right exchanged. A hidden Markov
+model weighs these hypotheses: rays of all cameras must meet, the points move as a body can from one moment to the next,
+and exchanges are rarer than right pictures. The past decides what rays cannot: if all cameras exchange the legs, the
+rays meet as well.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+
+from ...body.body_parts import PARTS
+from ...geometry.arrays import Array, IntArray, Mask
+from ...geometry.camera import Camera
+from ...geometry.triangulation import triangulate
+from ...markers.exchanged_throughout import other_sides
+from ...markers.marker_set import Marker
+
+_GROUPS = {"head": ("head",), "arms": ("left arm", "left hand", "right arm", "right hand")} | {
+    "legs": ("left leg", "left foot", "right leg", "right foot")
+}
+
+
+@dataclass(frozen=True)
+class ExchangeSettings:
+    """Settings of `SideExchanges`."""
+
+    ray_m: float = 0.035  # error of points across the rays of a camera
+    still_m: float = 0.06  # change between moments that the network's errors explain
+    speed_m_s: float = 3.0  # usual speed of limbs
+    rare: float = 1.0  # evidence against each exchanged picture, nats
+    memory_s: float = 0.5  # time without points after which the past no longer counts
+    usual_m: float = 3.0  # assumed distance from a single camera
+
+
+_S = ExchangeSettings()
+
+
+class SideExchanges:
+    """Decides which pictures of C cameras show left and right exchanged.
+
+    Args:
+        cameras: The cameras.
+        markers: The K points that the network finds.
+    """
+
+    def __init__(self, cameras: Sequence[Camera], markers: Sequence[Marker]) -> None:
+        self._cameras, self._others = tuple(cameras), other_sides(markers)
+        joints = {name: {joint for part in parts for joint in PARTS[part]} for name, parts in _GROUPS.items()}
+        paired = (self._others >= 0) & (self._others != np.arange(len(markers)))
+        on_group = ([marker.joint in names for marker in markers] for names in joints.values())
+        members = [np.flatnonzero(paired & np.array(own)) for own in on_group]
+        self._groups = [_Group(self._cameras, own, self._others[own]) for own in members if len(own)]
+
+    def step(self, time_s: float, normalised: Array) -> IntArray:
+        """Return for each camera and point (C, K) the index of the network's point that is this point.
+
+        Args:
+            time_s: Time of the pictures.
+            normalised: Undistorted normalised coordinates (C, K, 2) of the network's points, NaN where not found.
+        """
+        of_point = np.tile(np.arange(normalised.shape[1]), (len(self._cameras), 1))
+        for group in self._groups:
+            exchanged = group.step(time_s, normalised)
+            of_point[np.ix_(exchanged, group.own)] = group.other
+        return of_point
+
+
+class _Group:
+    """Points that are exchanged together: `own`, and their counterparts `other`, (n,)."""
+
+    def __init__(self, cameras: tuple[Camera, ...], own: IntArray, other: IntArray) -> None:
+        self.own, self.other = own, other
+        self._cameras = cameras
+        self._choices = np.array(list(product((False, True), repeat=len(cameras))))  # (H, C)
+        self._costs = np.zeros(len(self._choices))
+        self._points: Array | None = None  # (H, n, D) where each hypothesis has the points
+        self._time_s = 0.0
+
+    def step(self, time_s: float, normalised: Array) -> Mask:
+        """Return the cameras (C,) whose pictures are exchanged."""
+        own, other = normalised[:, self.own], normalised[:, self.other]
+        seen = np.where(self._choices[..., None, None], other, own)  # (H, C, n, 2)
+        points, costs = self._located(seen)
+        costs = costs + _S.rare * np.count_nonzero(self._choices & np.isfinite(own[..., 0]).any(axis=1), axis=1)
+        elapsed_s = time_s - self._time_s
+        if self._points is not None and elapsed_s < _S.memory_s:
+            apart = np.linalg.norm(points[:, None] - self._points[None], axis=-1)  # (H, H before, n)
+            moves = np.nansum(np.log1p((apart / np.hypot(_S.still_m, _S.speed_m_s * elapsed_s)) ** 2), axis=-1)
+            costs = costs + (self._costs + 0.5 * moves).min(axis=1)
+        if np.isfinite(points).any():
+            self._points, self._time_s = points, time_s
+            self._costs = costs - costs.min()
+        return np.asarray(self._choices[np.argmin(self._costs)])
+
+    def _located(self, seen: Array) -> tuple[Array, Array]:
+        """Return points (H, n, D) from rays (H, C, n, 2), and costs (H,) of rays that do not meet.
+
+        A single camera gives points in its image plane.
+        """
+        count, cameras, points = seen.shape[:3]
+        if cameras == 1:
+            return _S.usual_m * seen[:, 0], np.zeros(count)
+        rays = np.swapaxes(seen, 1, 2).reshape(-1, cameras, 2)
+        weights = np.isfinite(rays[..., 0]).astype(np.float64)
+        several = np.flatnonzero(weights.sum(axis=1) >= 2)
+        located, costs = np.full((len(rays), 3), np.nan), np.zeros(len(rays))
+        if len(several):
+            found, _, errors_px = triangulate(self._cameras, rays[several], weights[several], 1.0)
+            depths_m = np.stack([camera.to_camera(found)[:, 2] for camera in self._cameras], axis=1)
+            errors_m = errors_px * depths_m / np.array([camera.focal_px for camera in self._cameras])
+            located[several] = found
+            costs[several] = 0.5 * np.log1p((errors_m / _S.ray_m) ** 2).sum(axis=1)
+        return located.reshape(count, points, 3), costs.reshape(count, points).sum(axis=1)

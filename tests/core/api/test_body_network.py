@@ -1,0 +1,75 @@
+"""Getting the body network: from files and folders, with pip, and what is told if there is none."""
+
+import subprocess
+import zipfile
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+from perfanim.core.api import body_network
+from perfanim.core.api.body_network import body_network_file, get_body_network
+from perfanim.core.errors import CaptureError, DownloadError
+from perfanim.core.system.user_folder import cache_folder
+from perfanim.core.vision.people.body_network import NETWORK_FILE
+
+
+@pytest.fixture(autouse=True)
+def folder(monkeypatch, tmp_path):
+    monkeypatch.setattr(body_network, "cache_folder", lambda: tmp_path / "user")
+    return tmp_path / "user"
+
+
+def wheel(path, name=f"mediapipe/modules/pose_landmark/{NETWORK_FILE}", content=b"no network"):
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr(name, content)
+    return path
+
+
+@pytest.fixture
+def real():
+    path = cache_folder() / "networks" / NETWORK_FILE
+    if not path.is_file():
+        pytest.skip("the body network is not here: perfanim network get")
+    return path
+
+
+def test_a_network_comes_from_a_file_a_wheel_or_a_folder(real, tmp_path):
+    wheels = tmp_path / "wheels"
+    wheels.mkdir()
+    packed = wheel(wheels / "mediapipe-0.10.14-any.whl", content=real.read_bytes())
+    for source in (real, packed, wheels):
+        assert get_body_network(source) == body_network_file()
+        assert body_network_file().read_bytes() == real.read_bytes()
+        body_network_file().unlink()
+
+
+def test_pip_brings_the_wheel(real, monkeypatch):
+    def run(command, **_):
+        wheel(Path(command[command.index("--dest") + 1]) / "mediapipe.whl", content=real.read_bytes())
+        return SimpleNamespace(returncode=0, stderr="")
+
+    monkeypatch.setattr(subprocess, "run", run)
+    assert get_body_network().is_file()
+
+
+@pytest.mark.parametrize(
+    ("make", "error", "text"),
+    [
+        (lambda path: wheel(path / "a.whl"), CaptureError, "is damaged, or not the pose_landmark_full.tflite"),
+        (lambda path: wheel(path / "a.whl", name="other.txt"), DownloadError, "holds no body network"),
+        (lambda path: path, DownloadError, "holds no body network"),
+        (lambda path: path / "missing.whl", DownloadError, "cannot be read"),
+    ],
+)
+def test_what_is_no_network_is_told_and_nothing_is_written(tmp_path, folder, make, error, text):
+    with pytest.raises(error, match=text):
+        get_body_network(make(tmp_path))
+    assert not folder.exists()
+
+
+def test_why_pip_fails_is_told(monkeypatch, folder):
+    failed = SimpleNamespace(returncode=1, stderr="WARNING: slow\nERROR: no matching distribution found\n")
+    monkeypatch.setattr(subprocess, "run", lambda *_, **__: failed)
+    with pytest.raises(DownloadError, match=r"pip does not bring mediapipe==0.10.14 \(ERROR: no matching distribution"):
+        get_body_network()
+    assert not folder.exists()

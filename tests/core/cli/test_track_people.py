@@ -1,0 +1,75 @@
+"""A person without markers, by `perfanim track --people` and `solve`: films of a man who balances on a beam."""
+
+import json
+
+import numpy as np
+import pytest
+from perfanim.core.api.body_network import body_network_file
+from perfanim.core.body.skeleton import forward_kinematics
+from perfanim.core.cli.main import main
+from perfanim.core.formats.markers.marker_files import read_take
+from perfanim.core.formats.motion.read_motion import read_motion
+
+PAIRED = ("shoulder", "elbow", "wrist", "hip", "knee", "ankle")
+
+
+@pytest.fixture
+def tracked(shared_dir, tmp_path, capsys):
+    """tracked(1, 4) -> the take by these of the four cameras."""
+    if not body_network_file().is_file():
+        pytest.skip("the body network is not here: perfanim network get")
+    films = shared_dir / "people" / "walk-on-beam"
+
+    def track(*numbers, out="beam.take.npz"):
+        cameras = [word for n in numbers for word in ("--camera", f"cam0{n}={films / f'cam0{n}.mp4'}")]
+        line = ["track", "--cameras", films / "Calib.qca.txt", *cameras, "--people", "--seconds", 1.0]
+        assert main([*map(str, line), "--out", str(tmp_path / out), "--json"]) == 0
+        return json.loads(capsys.readouterr().out)
+
+    return track
+
+
+@pytest.mark.long
+def test_two_films_become_motion(tracked, tmp_path, capsys):
+    told = tracked(1, 4)
+    assert (told["markers"], told["frames"], told["labels"]) == (33, 60, "those of the body network")
+    assert main(["solve", str(tmp_path / "beam.take.npz"), "--out", str(tmp_path / "beam.bvh"), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["marker_set"] == "blazepose-33"
+    motion = read_motion(tmp_path / "beam.bvh")
+    joints_m, _ = forward_kinematics(motion.skeleton, motion.rotations, motion.root_positions_m)
+    points = read_take(tmp_path / "beam.take.npz")
+    wrists_m = points.positions_m[:, [points.names.index(f"{side}_wrist") for side in ("left", "right")]]
+    solved_m = joints_m[:, [motion.skeleton.index(name) for name in ("lwrist", "rwrist")]]
+    assert np.median(np.linalg.norm(solved_m - wrists_m, axis=-1)) < 0.1
+    trembling_m = [np.linalg.norm(np.diff(each, 2, axis=0), axis=-1).mean() for each in (solved_m, wrists_m)]
+    assert trembling_m[0] < trembling_m[1] / 3.0
+
+
+@pytest.mark.long
+def test_left_and_right_are_those_of_all_four_cameras(tracked, tmp_path):
+    tracked(1, 2, 3, 4, out="all.take.npz")
+    whole = read_take(tmp_path / "all.take.npz")
+    for pair in ((1, 3), (2, 3), (3, 4)):
+        tracked(*pair)
+        take = read_take(tmp_path / "beam.take.npz")
+        for name in PAIRED:
+            sides = [whole.names.index(f"{side}_{name}") for side in ("left", "right")]
+            own, other = (
+                np.linalg.norm(take.positions_m[:, sides] - whole.positions_m[:, order], axis=-1).sum(axis=1)
+                for order in (sides, sides[::-1])
+            )
+            assert not np.any(own > other), (pair, name)
+
+
+def test_options_of_markers_are_refused_with_people(tmp_path, capsys):
+    line = ["track", "--cameras", "a.toml", "--left", "a.mp4", "--right", "b.mp4", "--people", "--out", "a.take.npz"]
+    assert main([*line, "--marker-set", "boxing"]) == 1
+    assert "--marker-set is for markers, not for --people" in capsys.readouterr().err
+
+
+def test_a_missing_network_is_told(shared_dir, tmp_path, capsys):
+    films = shared_dir / "people" / "walk-on-beam"
+    line = ["track", "--cameras", films / "Calib.qca.txt", "--camera", f"cam01={films / 'cam01.mp4'}"]
+    line += ["--camera", f"cam02={films / 'cam02.mp4'}", "--people", tmp_path / "none.tflite", "--out", "a.take.npz"]
+    assert main(list(map(str, line))) == 1
+    assert "none.tflite: there is no body network; get the body network first" in capsys.readouterr().err

@@ -1,0 +1,97 @@
+"""From images of two and three cameras to a person's labelled points."""
+
+import numpy as np
+import pytest
+from filmed_people import OTHERS, POINTS, keypoints, moments, networks
+from perfanim.core.errors import CaptureError
+from perfanim.core.simulate.studio.studio_rig import default_rig
+from perfanim.core.vision.people.people_pipeline import PeoplePipeline, PersonLocator
+from perfanim.core.vision.sources.image_set import ImageSet
+
+COUNT = 40
+
+
+@pytest.fixture(scope="module")
+def points_m(truth):
+    return keypoints(truth)[:COUNT]
+
+
+def frames(rig, nets, count=COUNT):
+    pipeline = PeoplePipeline(rig, nets, 1000)
+    return [pipeline.process(images) for images in moments(rig, count)]
+
+
+def test_points_are_labelled_and_where_they_are(points_m):
+    rig = default_rig()
+    for frame, row in zip(frames(rig, networks(rig, points_m)), points_m, strict=True):
+        assert frame.labels.tolist() == list(range(len(POINTS)))
+        np.testing.assert_allclose(frame.points_m, row, atol=1e-5)
+        assert len(frame.single_labels) == 0 and frame.notes == ()
+
+
+def test_the_covariance_is_that_of_the_errors(points_m):
+    rig = default_rig()
+    found = frames(rig, networks(rig, points_m))[5]
+    sigma_px = float(found.blobs[0][0, 2])
+    noisy = [frames(rig, networks(rig, points_m, sigma_px, seed), 6)[5] for seed in range(60)]
+    errors = np.array([frame.points_m - points_m[5] for frame in noisy if len(frame.points_m) == len(POINTS)])
+    expected = np.sqrt(np.trace(found.covariances_m2, axis1=1, axis2=2))
+    assert np.median(np.sqrt(np.mean(np.sum(errors**2, axis=-1), axis=0)) / expected) == pytest.approx(1.0, abs=0.15)
+
+
+def test_a_camera_that_shows_nobody_is_told_and_leaves_rays(points_m):
+    rig = default_rig()
+    nets = networks(rig, points_m)
+    nets[1].pixels.clear()
+    frame = frames(rig, nets)[-1]
+    assert frame.notes == ("the right camera shows nobody",)
+    assert len(frame.points_m) == 0
+    assert frame.single_labels.tolist() == list(range(len(POINTS))) and set(frame.single_cameras.tolist()) == {0}
+    again = rig.cameras[0].project(points_m[-1])
+    np.testing.assert_allclose(frame.blobs[0][frame.single_blobs, :2], again, atol=1e-3)
+
+
+def test_exchanged_legs_of_one_camera_are_put_right(points_m):
+    rig = default_rig()
+    nets = networks(rig, points_m)
+    legs = [i for i, marker in enumerate(POINTS.markers) if marker.joint[1:] in ("femur", "tibia", "foot", "toes")]
+    for n in range(20, 30):
+        nets[1].pixels[10 * n + 1][legs] = nets[1].pixels[10 * n + 1][OTHERS[legs]]
+    for frame, row in zip(frames(rig, nets), points_m, strict=True):
+        np.testing.assert_allclose(frame.points_m, row, atol=1e-5)
+
+
+def test_rays_that_do_not_meet_are_left_out(points_m):
+    rig = default_rig()
+    nets = networks(rig, points_m)
+    wrist = POINTS.names.index("left_wrist")
+    nets[0].pixels[10 * 30][wrist, 1] += 200.0
+    found = frames(rig, nets)
+    assert wrist not in found[30].labels
+    assert wrist in found[29].labels and wrist in found[31].labels
+
+
+def test_one_wrong_camera_of_three_hardly_matters(points_m):
+    rig = default_rig(3)
+    nets = networks(rig, points_m)
+    for pixels in nets[1].pixels.values():
+        pixels[POINTS.names.index("left_wrist")] += 150.0
+    frame = frames(rig, nets)[10]
+    row = frame.labels.tolist().index(POINTS.names.index("left_wrist"))
+    assert np.linalg.norm(frame.points_m[row] - points_m[10][frame.labels[row]]) < 0.02
+
+
+def test_points_of_a_frame_are_located_again_from_its_pictures(points_m):
+    rig = default_rig()
+    found = frames(rig, networks(rig, points_m, 2.0))
+    locator = PersonLocator(rig, POINTS)
+    for frame in found:
+        np.testing.assert_array_equal(locator.locate(frame).points_m, frame.points_m)
+
+
+def test_images_of_another_size_are_refused(points_m):
+    rig = default_rig()
+    images = moments(rig, 1)[0]
+    small = ImageSet(0, images.times_s, tuple(image[:100] for image in images.images))
+    with pytest.raises(CaptureError, match="images are 640x100, but the calibration is for"):
+        PeoplePipeline(rig, networks(rig, points_m), 10).process(small)
