@@ -36,7 +36,7 @@ from ..system.schema import About, check_ranges
 from ..vision.calibration.rig_on_floor import rig_on_floor
 from ..vision.detection.blob_detector import DetectionSettings
 from ..vision.people.body_network import BlazePose
-from ..vision.people.people_pipeline import PeoplePipeline
+from ..vision.people.people_pipeline import PeoplePipeline, PersonLocator
 from ..vision.pipeline import MarkerPipeline
 from ..vision.sources.source_kinds import open_image_source
 from ..vision.tracked_take import image_take, labelled_rms_px, labelled_take, synchronise_frames
@@ -241,6 +241,7 @@ def _write_trajectories(request: TrackRequest, seen: Sequence[MarkerFrame], fps:
     found: Facts = {"labels": _LATER, "warnings": []}
     progress(0.6, "labelling")
     if request.people:
+        frames = PersonLocator(request.rig, request.points).locate_all(frames)
         take = labelled_take(frames, request.points.names, request.name, fps, request.rig)
         found["labels"] = "those of the body network"
     elif len(request.rig) == 1 and request.database is None:

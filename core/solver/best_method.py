@@ -1,6 +1,5 @@
 """The method "best": a Gaussian of neighbours and a learned prior, fitted to the markers."""
 
-import math
 from collections.abc import Sequence
 from copy import copy
 from pathlib import Path
@@ -8,7 +7,6 @@ from pathlib import Path
 import numpy as np
 
 from ..database.store import Database
-from ..geometry import rotations as rot
 from ..geometry.arrays import Array, FloatArray, IntArray
 from ..geometry.principal_components import principal_components
 from ..system.assets import MOTION_PRIOR
@@ -33,9 +31,8 @@ _FIT_STEPS = 8  # largest number of Gauss-Newton steps; one is usually enough
 # deviations, at which neighbours and prior have equal weight; for bodies that are not in the database, and for those
 # that are. The fourth power of the actual ratio, relative to this one, is the factor of the neighbours' variances.
 _TRUSTED, _TRUSTED_KNOWN = 1.3, 5.0
-# Distance of the learned prior's root from that of the torso markers, in their common standard deviations, above which
-# the learned prior is not used: it knows no such markers. Takes of people whom it does not know reach 3.3.
-_LOST = 6.0
+# standard deviations of the learned prior's root, relative to the torso markers', above which these locate the root
+_VAGUE = 3.0
 _MOST_INFLATION = 100.0
 # For bodies that are not in the database, a joint's variances are inflated further where neighbours and learned prior
 # differ by more than their standard deviations. For example, people hold their hands and heads differently while
@@ -158,9 +155,8 @@ class BestMethod:
                 if state.markers_m is not None:
                     seen = seen.back_projected(state.markers_m)
                 learned = self._learned.estimate(self._learned.recent(seen, state.observed, state.time_s), root)
-            if _is_lost(learned, root, root_sigma):
-                learned = None
-            elif not self._known:  # the torso markers of a known body give a better root
+            vague = any(own > _VAGUE * other for own, other in zip(learned.root_sigma, root_sigma, strict=True))
+            if not (self._known or vague):  # the torso markers of a known body give a better root
                 root, root_sigma = learned.root, learned.root_sigma
         priors = [prior, learned.pose] if learned else [prior]
         off, *learned_off = deviations(priors, problem.observation, root, root_sigma, self._subject)
@@ -226,19 +222,6 @@ def _inflation(off: float, learned_off: float, known: bool = False) -> float:
     if not known:  # neighbours that explain the markers within a standard deviation keep their weight
         ratio *= min(1.0, off)
     return min(max(ratio**4, 1.0 / _MOST_INFLATION), _MOST_INFLATION)
-
-
-def _is_lost(learned: PriorEstimate, root: RootPose, sigma: tuple[float, float]) -> bool:
-    """Return whether the learned prior's root is far from that of the torso markers, because it knows no such input.
-
-    Args:
-        root: Root of the torso markers.
-        sigma: Its standard deviations (m, rad).
-    """
-    moved_m = float(np.linalg.norm(learned.root.position_m - root.position_m))
-    turned_rad = float(rot.angle_between(learned.root.rotation, root.rotation))
-    most_m, most_rad = (_LOST * math.hypot(*each) for each in zip(learned.root_sigma, sigma, strict=True))
-    return moved_m > most_m or turned_rad > most_rad
 
 
 def _uncertainty(pose: Array, closest: Prior, learned: Prior | None) -> Array:

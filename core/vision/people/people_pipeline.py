@@ -6,7 +6,7 @@ from statistics import fmean
 
 import numpy as np
 
-from ...geometry.arrays import Array, FloatArray, Mask
+from ...geometry.arrays import Array, FloatArray, IntArray, Mask
 from ...geometry.camera import CameraRig
 from ...geometry.triangulation import triangulate
 from ...markers.marker_frame import MarkerFrame, undistort_blobs
@@ -103,6 +103,18 @@ class PersonLocator:
 
     def locate(self, seen: MarkerFrame) -> MarkerFrame:
         """Return the labelled points of one moment from what `PeoplePipeline.detect` returned."""
+        seen, normalised, sigmas_px = self._read(seen)
+        return self._located(seen, normalised, sigmas_px, self._exchanges.step(seen.time_s, normalised))
+
+    def locate_all(self, frames: Sequence[MarkerFrame]) -> list[MarkerFrame]:
+        """Return the frames of a whole take located; left and right are decided with the moments after each, too."""
+        read = [self._read(frame) for frame in frames]
+        times_s, normalised = np.array([frame.time_s for frame in frames]), np.array([row for _, row, _ in read])
+        rows_of = self._exchanges.decide_all(times_s, normalised)
+        return [self._located(*each, rows) for each, rows in zip(read, rows_of, strict=True)]
+
+    def _read(self, seen: MarkerFrame) -> tuple[MarkerFrame, Array, Array]:
+        """Return a frame as detected, the visible points (C, K, 2) and their standard deviations (C, K), pixels."""
         seen = undistort_blobs(replace(seen, blobs=seen.detected, normalised=()), self._rig.cameras)
         normalised = np.full((len(self._rig), self._count, 2), np.nan)
         sigmas_px = np.ones(normalised.shape[:2])
@@ -110,7 +122,10 @@ class PersonLocator:
             if len(rows) == self._count:
                 visible = rows[:, 3] >= 255.0 * _S.least_visible
                 normalised[camera, visible], sigmas_px[camera] = coordinates[visible], rows[:, 2]
-        rows_of = self._exchanges.step(seen.time_s, normalised)
+        return seen, normalised, sigmas_px
+
+    def _located(self, seen: MarkerFrame, normalised: Array, sigmas_px: Array, rows_of: IntArray) -> MarkerFrame:
+        """Return the frame with the points whose rows (C, K) of the network's points are known."""
         cameras = np.arange(len(self._rig))[:, None]
         normalised, sigmas_px = normalised[cameras, rows_of].swapaxes(0, 1), sigmas_px[cameras, rows_of].T
         is_seen = np.isfinite(normalised[..., 0])  # (K, C)

@@ -62,10 +62,26 @@ class SideExchanges:
             time_s: Time of the pictures.
             normalised: Undistorted normalised coordinates (C, K, 2) of the network's points, NaN where not found.
         """
-        of_point = np.tile(np.arange(normalised.shape[1]), (len(self._cameras), 1))
+        return self._of_points([group.step(time_s, normalised)[0] for group in self._groups])
+
+    def decide_all(self, times_s: Array, normalised: Array) -> IntArray:
+        """Return as `step` the points (F, C, K) of all moments of a take, each decided with the moments after it, too.
+
+        Args:
+            times_s: Times (F,).
+            normalised: Coordinates (F, C, K, 2).
+        """
+        paths = []
         for group in self._groups:
-            exchanged = group.step(time_s, normalised)
-            of_point[np.ix_(exchanged, group.own)] = group.other
+            steps = [group.step(time_s, row) for time_s, row in zip(times_s.tolist(), normalised, strict=True)]
+            paths.append(group.trace([before for _, before in steps]))
+        return np.array([self._of_points(exchanged) for exchanged in zip(*paths, strict=True)])
+
+    def _of_points(self, exchanged: Sequence[Mask]) -> IntArray:
+        """Return the points (C, K) if these cameras (C,) exchange each group."""
+        of_point = np.tile(np.arange(len(self._others)), (len(self._cameras), 1))
+        for group, cameras in zip(self._groups, exchanged, strict=True):
+            of_point[np.ix_(cameras, group.own)] = group.other
         return of_point
 
 
@@ -80,21 +96,32 @@ class _Group:
         self._points: Array | None = None  # (H, n, D) where each hypothesis has the points
         self._time_s = 0.0
 
-    def step(self, time_s: float, normalised: Array) -> Mask:
-        """Return the cameras (C,) whose pictures are exchanged."""
+    def step(self, time_s: float, normalised: Array) -> tuple[Mask, IntArray]:
+        """Return the cameras (C,) whose pictures are exchanged, and each hypothesis' likeliest predecessor (H,)."""
         own, other = normalised[:, self.own], normalised[:, self.other]
         seen = np.where(self._choices[..., None, None], other, own)  # (H, C, n, 2)
         points, costs = self._located(seen)
         costs = costs + _S.rare * np.count_nonzero(self._choices & np.isfinite(own[..., 0]).any(axis=1), axis=1)
         elapsed_s = time_s - self._time_s
-        if self._points is not None and elapsed_s < _S.memory_s:
-            apart = np.linalg.norm(points[:, None] - self._points[None], axis=-1)  # (H, H before, n)
-            moves = np.nansum(np.log1p((apart / np.hypot(_S.still_m, _S.speed_m_s * elapsed_s)) ** 2), axis=-1)
-            costs = costs + (self._costs + 0.5 * moves).min(axis=1)
+        before = np.arange(len(costs))
         if np.isfinite(points).any():
-            self._points, self._time_s = points, time_s
-            self._costs = costs - costs.min()
-        return np.asarray(self._choices[np.argmin(self._costs)])
+            moves = np.zeros((len(costs), len(costs)))
+            if self._points is not None and elapsed_s < _S.memory_s:
+                apart = np.linalg.norm(points[:, None] - self._points[None], axis=-1)  # (H, H before, n)
+                shares = apart / np.hypot(_S.still_m, _S.speed_m_s * elapsed_s)
+                moves = 0.5 * np.nansum(np.log1p(shares**2), axis=-1)
+            costs_before = self._costs + moves
+            before = costs_before.argmin(axis=1)
+            costs = costs + costs_before.min(axis=1)
+            self._points, self._time_s, self._costs = points, time_s, costs - costs.min()
+        return np.asarray(self._choices[np.argmin(self._costs)]), before
+
+    def trace(self, before: Sequence[IntArray]) -> Array:
+        """Return the exchanged cameras (F, C) of the likeliest course (Viterbi 1967), given all predecessors."""
+        chosen = [int(np.argmin(self._costs))]
+        for predecessors in reversed(before[1:]):
+            chosen.append(int(predecessors[chosen[-1]]))
+        return self._choices[chosen[::-1]]
 
     def _located(self, seen: Array) -> tuple[Array, Array]:
         """Return points (H, n, D) from rays (H, C, n, 2), and costs (H,) of rays that do not meet.

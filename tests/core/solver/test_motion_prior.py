@@ -1,6 +1,7 @@
 """The learned prior: its inference, its file, and what it does to the solver."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -222,3 +223,20 @@ def test_shipped_prior_names_its_training_data():
     text = (MOTION_PRIOR.parents[1] / "README.md").read_text(encoding="utf-8")
     for words in ("CMU Graphics Lab Motion Capture Database (mocap.cs.cmu.edu)", "NSF EIA-0196217"):
         assert words in text
+
+
+def test_a_vague_root_of_the_learned_prior_is_not_used(model, database, true_markers, truth, monkeypatch):
+    """Markers like none it was trained on: it says so by large deviations, and the torso markers locate the root."""
+    usual = MotionPrior.estimate
+
+    def turned_round(self, *given):
+        found = usual(self, *given)
+        back = RootPose(rot.multiply(rot.from_rotation_vector([0.0, np.pi, 0.0]), found.root.rotation), np.zeros(3))
+        return replace(found, root=back, root_sigma=(0.15, 1.7))
+
+    monkeypatch.setattr(MotionPrior, "estimate", turned_round)
+    taller = replace(model.skeleton, offsets_m=1.01 * model.skeleton.offsets_m)  # nobody in the database
+    stranger = SubjectModel(replace(model.subject, skeleton=taller), model.mean_rotations)
+    solver = PoseSolver(stranger, database, SolveSettings())
+    solution, _ = solver.step(solver.initial_state, Observation.of_points(true_markers[30]), 0.5)
+    assert np.degrees(rot.angle_between(solution.root.rotation, truth.rotations[30, 0])) < 15.0

@@ -95,3 +95,21 @@ def test_images_of_another_size_are_refused(points_m):
     small = ImageSet(0, images.times_s, tuple(image[:100] for image in images.images))
     with pytest.raises(CaptureError, match="images are 640x100, but the calibration is for"):
         PeoplePipeline(rig, networks(rig, points_m), 10).process(small)
+
+
+def test_a_whole_take_is_decided_with_later_moments(points_m):
+    rig = default_rig()
+    nets = networks(rig, points_m, 2.0)
+    legs = [i for i, marker in enumerate(POINTS.markers) if marker.joint[1:] in ("femur", "tibia", "foot", "toes")]
+    for n in range(3):  # at the start both cameras exchange the legs: no past tells
+        for c in range(2):
+            nets[c].pixels[10 * n + c][legs] = nets[c].pixels[10 * n + c][OTHERS[legs]]
+    live = frames(rig, nets)
+    for n, frame in enumerate(PersonLocator(rig, POINTS).locate_all(live)):
+        found = np.full((len(POINTS), 3), np.nan)
+        found[frame.labels] = frame.points_m
+        own, other = (
+            np.nansum(np.linalg.norm(found - row, axis=1)[legs]) for row in (points_m[n], points_m[n][OTHERS])
+        )
+        assert own < other, n
+    assert np.linalg.norm(live[0].points_m[legs[0]] - points_m[0][legs[0]]) > 0.05  # as it looked then
