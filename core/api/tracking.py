@@ -44,6 +44,7 @@ from ..vision.tracked_take import image_take, labelled_rms_px, labelled_take, sy
 Facts = dict[str, Any]
 
 _LATER = "none: solving the take labels the markers"
+_NETWORKS = "those of the body network"
 
 
 @dataclass(frozen=True)
@@ -220,7 +221,7 @@ def _record(request: TrackRequest, frames: Iterator[MarkerFrame], *, keep_cut: b
         facts["warnings"].append(
             "a .perftake without a performer stores no marker set: name the set when you solve the take"
         )
-    return facts | {"names": [], "labels": _LATER}
+    return facts | {"names": [], "labels": _NETWORKS if request.people else _LATER}
 
 
 def _synchronise(request: TrackRequest, frames: Sequence[MarkerFrame]) -> tuple[Sequence[MarkerFrame], Facts]:
@@ -243,7 +244,7 @@ def _write_trajectories(request: TrackRequest, seen: Sequence[MarkerFrame], fps:
     if request.people:
         frames = PersonLocator(request.rig, request.points).locate_all(frames)
         take = labelled_take(frames, request.points.names, request.name, fps, request.rig)
-        found["labels"] = "those of the body network"
+        found["labels"] = _NETWORKS
     elif len(request.rig) == 1 and request.database is None:
         take = image_take(frames, request.rig, request.name, fps)
     else:
@@ -256,8 +257,9 @@ def _write_trajectories(request: TrackRequest, seen: Sequence[MarkerFrame], fps:
         }
     if request.truth:
         found |= _compare_takes(take, read_take(request.truth))
-    if request.floor == "feet" and request.marker_set is not None:
-        take = _moved_to_floor(request, take, request.marker_set)
+    worn = request.points if request.people else request.marker_set
+    if request.floor == "feet" and worn is not None:
+        take = _moved_to_floor(request, take, worn)
     write_take(take, request.out)
     return facts | found | {"names": list(take.names), "warnings": facts["warnings"] + found["warnings"]}
 

@@ -94,7 +94,7 @@ def _check(args: argparse.Namespace) -> None:
             args.wrong_usage("argument --database is required: the body needs it to label the markers")
         if args.database and not (args.subject or args.skeleton):
             args.wrong_usage("argument --database: needs --subject, or --skeleton and --marker-set")
-    if args.floor == "feet" and not (args.marker_set or args.subject):
+    if args.floor == "feet" and not (args.marker_set or args.subject or args.people is not None):
         raise SettingsError("--floor feet needs --marker-set", advice="name the marker set that is worn")
     if args.level_rig and args.floor != "feet":
         raise SettingsError("--floor-cameras needs --floor feet", advice="add it, or leave --floor-cameras out")

@@ -20,10 +20,10 @@ def tracked(shared_dir, tmp_path, capsys):
         pytest.skip("the body network is not here: perfanim network get")
     films = shared_dir / "people" / "walk-on-beam"
 
-    def track(*numbers, out="beam.take.npz"):
+    def track(*numbers, out="beam.take.npz", more=()):
         cameras = [word for n in numbers for word in ("--camera", f"cam0{n}={films / f'cam0{n}.mp4'}")]
         line = ["track", "--cameras", films / "Calib.qca.txt", *cameras, "--people", "--seconds", 1.0]
-        assert main([*map(str, line), "--out", str(tmp_path / out), "--json"]) == 0
+        assert main([*map(str, line), "--out", str(tmp_path / out), "--json", *more]) == 0
         return json.loads(capsys.readouterr().out)
 
     return track
@@ -31,7 +31,7 @@ def tracked(shared_dir, tmp_path, capsys):
 
 @pytest.mark.long
 def test_two_films_become_motion(tracked, tmp_path, capsys):
-    told = tracked(1, 4)
+    told = tracked(1, 4, more=("--floor", "feet"))
     assert (told["markers"], told["frames"], told["labels"]) == (33, 60, "those of the body network")
     assert main(["solve", str(tmp_path / "beam.take.npz"), "--out", str(tmp_path / "beam.bvh"), "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["marker_set"] == "blazepose-33"
@@ -40,6 +40,8 @@ def test_two_films_become_motion(tracked, tmp_path, capsys):
     points = read_take(tmp_path / "beam.take.npz")
     wrists_m = points.positions_m[:, [points.names.index(f"{side}_wrist") for side in ("left", "right")]]
     solved_m = joints_m[:, [motion.skeleton.index(name) for name in ("lwrist", "rwrist")]]
+    feet_m = joints_m[:, [motion.skeleton.index(name) for name in ("lfoot", "rfoot", "ltoes", "rtoes")], 1]
+    assert abs(np.median(feet_m.min(axis=1))) < 0.06
     assert np.median(np.linalg.norm(solved_m - wrists_m, axis=-1)) < 0.1
     trembling_m = [np.linalg.norm(np.diff(each, 2, axis=0), axis=-1).mean() for each in (solved_m, wrists_m)]
     assert trembling_m[0] < trembling_m[1] / 3.0
