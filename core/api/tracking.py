@@ -234,7 +234,7 @@ def _synchronise(request: TrackRequest, frames: Sequence[MarkerFrame]) -> tuple[
             "time_offset_sigmas_ms": [1e3 * offset.sigma_s if offset.is_found else None for offset in offsets],
             "time_offsets_applied": any(offset.is_certain for offset in offsets),
         }
-    return frames, _frame_facts(request.rig, frames, request.worn) | aligned
+    return frames, _frame_facts(request, frames) | aligned
 
 
 def _write_trajectories(request: TrackRequest, seen: Sequence[MarkerFrame], fps: float, progress: Progress) -> Facts:
@@ -327,16 +327,19 @@ def _is_endless(source: Any) -> bool:
     return int(getattr(source, "frames", 0)) <= 0
 
 
-def _frame_facts(rig: CameraRig, frames: Sequence[MarkerFrame], worn: int | None) -> Facts:
-    """Return figures about unlabelled markers; if `worn` is None, the count that a quarter of the frames reach is used.
+def _frame_facts(request: TrackRequest, frames: Sequence[MarkerFrame]) -> Facts:
+    """Return figures about markers; if the number worn is unknown, the one that a quarter of the frames reach is used.
 
     Raises:
-        TakeError: No frame shows any markers.
+        TakeError: No frame shows any markers, or the person.
     """
+    rig, worn = request.rig, request.worn
     points = np.array([len(frame.points_m) for frame in frames])
     rays = np.array([len(frame.single_points) for frame in frames])
     shown = np.sort(rays if len(rig) == 1 else points)[::-1]
     if not shown.any():
+        if request.people:
+            raise TakeError("nobody was found", advice="check the light, and that the images show the whole body")
         advice = "check the threshold, the cameras' order and the calibration"
         raise TakeError("no markers were found", advice=advice)
     worn = worn or max(int(shown[int(_SETTINGS.worn_share * len(shown))]), 1)

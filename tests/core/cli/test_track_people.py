@@ -2,6 +2,7 @@
 
 import json
 
+import cv2
 import numpy as np
 import pytest
 from perfanim.core.api.body_network import body_network_file
@@ -9,6 +10,8 @@ from perfanim.core.body.skeleton import forward_kinematics
 from perfanim.core.cli.main import main
 from perfanim.core.formats.markers.marker_files import read_take
 from perfanim.core.formats.motion.read_motion import read_motion
+from perfanim.core.geometry.rig_file import save_rig
+from perfanim.core.simulate.studio.studio_rig import default_rig
 
 PAIRED = ("shoulder", "elbow", "wrist", "hip", "knee", "ankle")
 
@@ -75,3 +78,18 @@ def test_a_missing_network_is_told(shared_dir, tmp_path, capsys):
     line += ["--camera", f"cam02={films / 'cam02.mp4'}", "--people", tmp_path / "none.tflite", "--out", "a.take.npz"]
     assert main(list(map(str, line))) == 1
     assert "none.tflite: there is no body network; get the body network first" in capsys.readouterr().err
+
+
+def test_films_of_nobody_are_told_and_leave_nothing(tmp_path, capsys):
+    if not body_network_file().is_file():
+        pytest.skip("the body network is not here: perfanim network get")
+    rig = default_rig()
+    save_rig(rig, tmp_path / "cameras.toml")
+    for side in ("left", "right"):
+        (tmp_path / side).mkdir()
+        for number in range(2):
+            cv2.imwrite(str(tmp_path / side / f"{number}.png"), np.full((480, 640, 3), 90, dtype=np.uint8))
+    line = ["track", "--cameras", tmp_path / "cameras.toml", "--left", tmp_path / "left", "--right", tmp_path / "right"]
+    assert main([*map(str, line), "--fps", "30", "--people", "--out", str(tmp_path / "a.take.npz")]) == 1
+    assert "nobody was found; check the light, and that the images show the whole body" in capsys.readouterr().err
+    assert not (tmp_path / "a.take.npz").exists()
