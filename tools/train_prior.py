@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 from perfanim.core.database.store import open_database
-from perfanim.core.markers.marker_set import PointKind
 from perfanim.core.solver.motion_prior import VERSION, WEIGHTS, open_network
 from perfanim.core.system.files import atomic_path
 from prior_training.motion import read_recordings
@@ -38,8 +37,6 @@ def main() -> None:
     parser.add_argument("--without", **subjects, help="subjects that are not used at all")
     parser.add_argument("--unseen", **subjects, help="subjects that the errors are taken from")
     parser.add_argument("--further", type=Path, help="prior to train further; its errors on unseen people are kept")
-    kinds = [kind.value for kind in PointKind]
-    parser.add_argument("--points", choices=kinds, default=kinds[0], help="what the performers wear")
     parser.add_argument("--steps", type=int, default=_STEPS)
     parser.add_argument("--seed", type=int, default=1)
     args = parser.parse_args()
@@ -51,7 +48,7 @@ def main() -> None:
     used = everyone - {*args.without, *args.unseen}
     recordings = read_recordings(databases, used, earlier.mean_rotations if earlier else None)
     _say(f"{len(recordings.poses)} frames of {len(recordings.subjects)} subjects")
-    makers = PerformerMaker(recordings.skeletons, PointKind(args.points))
+    makers = PerformerMaker(recordings.skeletons)
     windows = WindowMaker(recordings, makers)
     generator = np.random.default_rng(args.seed)
     scaling = Scaling(earlier.bones, earlier.outputs.astype(np.float32)) if earlier else scaling_of(windows, generator)

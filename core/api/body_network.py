@@ -5,13 +5,12 @@ import zipfile
 from pathlib import Path
 
 from ..errors import DownloadError
-from ..system.files import atomic_path, reading
+from ..system.files import atomic_path, read_bytes, reading
 from ..system.pip_process import download_wheel
 from ..system.progress import Progress, no_progress
 from ..system.user_folder import cache_folder
 
 _PACKAGE = "mediapipe==0.10.14"  # any platform's wheel holds the same file
-_MOST_BYTES = 64 << 20
 
 
 def body_network_file() -> Path:
@@ -33,7 +32,7 @@ def get_body_network(source: Path | None = None, progress: Progress = no_progres
         DownloadError: pip fails, or there is no network in what it brings.
         CaptureError: The network is damaged, or another one.
     """
-    from ..vision.people.body_network import NETWORK_FILE, BlazePose
+    from ..vision.people.body_network import MOST_BYTES, NETWORK_FILE, BlazePose
 
     target = body_network_file()
     with tempfile.TemporaryDirectory() as folder:
@@ -43,23 +42,23 @@ def get_body_network(source: Path | None = None, progress: Progress = no_progres
             source = Path(folder)
         progress(0.9, "checking the body network")
         found = Path(folder) / NETWORK_FILE
-        found.write_bytes(_network_in(source, NETWORK_FILE))
+        found.write_bytes(_network_in(source, NETWORK_FILE, MOST_BYTES))
         BlazePose(found)
         with atomic_path(target) as temporary:
             temporary.write_bytes(found.read_bytes())
     return target
 
 
-def _network_in(source: Path, name: str) -> bytes:
+def _network_in(source: Path, name: str, most: int) -> bytes:
     """Return the content of the network in a file, a wheel or a folder with a wheel."""
     wheels = sorted(source.glob("*.whl")) if source.is_dir() else [source]
     advice = f"give {name}, or a wheel of {_PACKAGE} or of a version near it"
     for wheel in wheels:
         with reading(wheel, DownloadError, advice, "cannot be read"):
             if wheel.suffix == ".tflite":
-                return wheel.read_bytes()
+                return read_bytes(wheel, most, DownloadError)
             with zipfile.ZipFile(wheel) as archive:
                 members = [each for each in archive.infolist() if each.filename.endswith(f"/{name}")]
-                if members and members[0].file_size <= _MOST_BYTES:
+                if members and members[0].file_size <= most:
                     return archive.read(members[0])
     raise DownloadError("holds no body network", where=str(source), advice=advice)

@@ -51,7 +51,6 @@ _NETWORKS = "those of the body network"
 class _Settings:
     background_samples: int = 31  # images of the take used to learn its background
     empty_samples: int = 240  # largest number of images without the performer used to learn the background
-    searched: int = 40  # crops of each image that are searched until a person is found
     worn_share: float = 0.25  # share of frames in which all worn markers are assumed visible, to count them
 
 
@@ -161,7 +160,7 @@ def track(request: TrackRequest, progress: Progress = no_progress) -> Facts:
 
 def _people(request: TrackRequest) -> PeoplePipeline:
     network = BlazePose(Path(request.people or ""))
-    return PeoplePipeline(request.rig, [network] * len(request.rig), _SETTINGS.searched)
+    return PeoplePipeline(request.rig, [network] * len(request.rig))
 
 
 def _pipeline(request: TrackRequest, source: Any, progress: Progress) -> MarkerPipeline:
@@ -210,7 +209,7 @@ def _record(request: TrackRequest, frames: Iterator[MarkerFrame], *, keep_cut: b
     try:
         take = read_take_file(written)
         moved, facts = _synchronise(request, take.frames)
-        if facts.get("time_offsets_applied"):
+        if request.people or facts.get("time_offsets_applied"):
             stamps_s = [stamp_s for stamp_s, _ in take.stamped_frames]
             write_whole_take(written, setup, take.notes, list(zip(stamps_s, moved, strict=True)), [])
         with atomic_path(request.out) as temporary:
@@ -225,9 +224,14 @@ def _record(request: TrackRequest, frames: Iterator[MarkerFrame], *, keep_cut: b
 
 
 def _synchronise(request: TrackRequest, frames: Sequence[MarkerFrame]) -> tuple[Sequence[MarkerFrame], Facts]:
-    """Return the frames with the blobs of all cameras moved to one time, and figures about them."""
+    """Return the frames with the blobs of all cameras moved to one time, and figures about them.
+
+    Frames of a person are located again instead, with what the whole take tells about left and right.
+    """
     aligned: Facts = {}
-    if len(request.rig) > 1 and request.time_offsets and not request.people:
+    if request.people:
+        frames = PersonLocator(request.rig, request.points).locate_all(frames)
+    elif len(request.rig) > 1 and request.time_offsets:
         frames, offsets = synchronise_frames(request.rig, frames)
         aligned = {
             "time_offsets_ms": [1e3 * offset.offset_s if offset.is_found else None for offset in offsets],
@@ -242,7 +246,6 @@ def _write_trajectories(request: TrackRequest, seen: Sequence[MarkerFrame], fps:
     found: Facts = {"labels": _LATER, "warnings": []}
     progress(0.6, "labelling")
     if request.people:
-        frames = PersonLocator(request.rig, request.points).locate_all(frames)
         take = labelled_take(frames, request.points.names, request.name, fps, request.rig)
         found["labels"] = _NETWORKS
     elif len(request.rig) == 1 and request.database is None:

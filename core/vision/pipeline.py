@@ -17,7 +17,7 @@ from .matching.stereo import StereoMatcher, unused_blobs
 from .matching.time_alignment import TimeAligner
 from .sources.image_set import ImageSet
 
-_BLOCK_PX = 16  # side of the blocks that videos are encoded in
+_ENCODED_PX = {1080: 1088}  # sides of videos that encoders fill up to whole blocks, which calibrations may include
 _NO_BLOBS = np.empty((0, 5), dtype=np.float32)
 
 
@@ -114,9 +114,8 @@ def check_images(rig: CameraRig, images: ImageSet) -> None:
     _check_count(rig, len(images.images))
     for camera, image in zip(rig.cameras, images.images, strict=True):
         height, width = image.shape[:2]
-        # video encoders fill up the right and lower edge to whole blocks, which the calibration may include
-        padded = tuple(-(-length // _BLOCK_PX) * _BLOCK_PX for length in (width, height))
-        if camera.image_size not in ((width, height), padded):
+        encoded = _ENCODED_PX.get(width, width), _ENCODED_PX.get(height, height)
+        if camera.image_size not in ((width, height), encoded):
             is_turned = (height, width) == camera.image_size
             alike = [other.name for other in rig.cameras if other.image_size == (width, height)]
             turned = f", as those of camera {alike[0]}: are the cameras exchanged?" if alike else ""

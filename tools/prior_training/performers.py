@@ -7,14 +7,12 @@ from perfanim.core.body.mirroring import mirrored_skeleton
 from perfanim.core.body.skeleton import Skeleton
 from perfanim.core.body.standard_skeleton import JOINT_NAMES, mirrored_name
 from perfanim.core.geometry.arrays import Array, FloatArray, IntArray, Mask
-from perfanim.core.markers.marker_set import PointKind, load_marker_set
-from perfanim.core.simulate.simulated_keypoints import USUAL
+from perfanim.core.markers.marker_set import load_marker_set
 
 FEW, MANY = 14, 44  # number of slots for markers
 # share of the performers with each set
 _SMALL_SETS = {"boxing": 0.45, "locomotion": 0.2, "kendo": 0.1, "one-camera": 0.15, "two-webcams": 0.1}
 _LARGE_SETS = ("cmu-41", "helen-hayes", "optitrack-baseline", "plug-in-gait")
-_KEYPOINT_SETS = ("blazepose-33", "body-25", "coco-17", "halpe-26", "opencap")
 _TORSO = tuple(
     JOINT_NAMES.index(name) for name in ("root", "lowerback", "upperback", "thorax", "lclavicle", "rclavicle")
 )
@@ -43,14 +41,12 @@ class PerformerMaker:
 
     Args:
         skeletons: Bodies to start from.
-        points: What they wear.
     """
 
-    def __init__(self, skeletons: tuple[Skeleton, ...], points: PointKind = PointKind.MARKERS) -> None:
-        self.points = points
+    def __init__(self, skeletons: tuple[Skeleton, ...]) -> None:
         self._bodies = [each.offsets_m for body in skeletons for each in (body, mirrored_skeleton(body))]
         self._tips = skeletons[0].tips_m
-        self._sets = {name: _layout(name) for name in (*_SMALL_SETS, *_LARGE_SETS, *_KEYPOINT_SETS)}
+        self._sets = {name: _layout(name) for name in (*_SMALL_SETS, *_LARGE_SETS)}
 
     def draw(self, generator: np.random.Generator, count: int, places: int) -> Performers:
         """Return people with this many slots for markers."""
@@ -67,10 +63,6 @@ class PerformerMaker:
         wrong = (generator.random(count) < 0.25)[:, None, None]
         believed = bodies * (1.0 + wrong * generator.normal(0.0, 0.02, bodies.shape))
         off = offsets + wrong * generator.normal(0.0, 0.006, offsets.shape)
-        if self.points is PointKind.KEYPOINTS:  # a person's own offsets are known in part at best
-            own = generator.normal(size=offsets.shape)
-            own *= generator.uniform(*USUAL.own_m, (count, places, 1)) / np.linalg.norm(own, axis=-1, keepdims=True)
-            offsets = offsets + generator.random((count, 1, 1)) * own
         exact = (bodies, leg, offsets, believed, off)
         bones_m, leg_m, offsets_m, believed_m, off_m = (numbers.astype(np.float32) for numbers in exact)
         return Performers(bones_m, leg_m, joints, offsets_m, believed_m, off_m, torso, worn)
@@ -87,11 +79,7 @@ class PerformerMaker:
 
     def _markers(self, generator: np.random.Generator, body: Array, places: int) -> _Markers:
         kind = generator.random()
-        if self.points is PointKind.KEYPOINTS:
-            markers = self._sets[str(generator.choice(_KEYPOINT_SETS))]
-            if generator.random() < 0.5:
-                markers = _chosen(markers, markers[2] | (generator.random(len(markers[0])) < 0.9))
-        elif places > FEW:
+        if places > FEW:
             markers = self._sets[str(generator.choice(_LARGE_SETS))]
             kept = generator.random(len(markers[0])) < generator.uniform(0.3, 1.2)
             if kept[markers[2]].sum() < 3:
@@ -108,8 +96,7 @@ class PerformerMaker:
             markers = self._anywhere(generator, int(generator.integers(1, 9)), int(generator.integers(3, 6)))
         joints, offsets, torso = markers
         size = np.linalg.norm(body[LEG], axis=-1).sum() / _USUAL_LEG_M
-        worn_exactly = self.points is PointKind.KEYPOINTS or generator.random() < 0.3
-        spread = 0.0 if worn_exactly else generator.uniform(0.0, 0.02)
+        spread = 0.0 if generator.random() < 0.3 else generator.uniform(0.0, 0.02)
         scale = size if generator.random() < 0.5 else 1.0
         return joints, scale * offsets + generator.normal(0.0, 1.0, offsets.shape) * spread, torso
 

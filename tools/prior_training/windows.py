@@ -7,8 +7,6 @@ from perfanim.core.body.mirroring import mirrored_points
 from perfanim.core.body.standard_skeleton import JOINT_NAMES, mirrored_name
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.geometry.arrays import Array, FloatArray, IntArray, Mask
-from perfanim.core.markers.marker_set import PointKind
-from perfanim.core.simulate.simulated_keypoints import USUAL
 from perfanim.core.solver.motion_prior import marker_features
 
 from .motion import Recordings
@@ -71,8 +69,7 @@ class WindowMaker:
 
     def draw(self, generator: np.random.Generator, performers: int) -> Batch:
         """Return windows for this many performers."""
-        are_keypoints = self._performers.points is PointKind.KEYPOINTS
-        places = MANY if are_keypoints or generator.random() < _MANY_SHARE else FEW
+        places = MANY if generator.random() < _MANY_SHARE else FEW
         people = self._performers.draw(generator, performers, places)
         played = self._play(generator, performers)
         shape = played.frames.shape
@@ -166,11 +163,7 @@ class WindowMaker:
     ) -> FloatArray:
         """Return markers with noise, NaN where hidden."""
         count, windows, _, places, _ = points.shape
-        if self._performers.points is PointKind.KEYPOINTS:
-            points = points + _slow_errors(generator, points.shape)
-            noise = generator.uniform(0.0, 2.0 * USUAL.fast_m, count)
-        else:
-            noise = np.where(generator.random(count) < 0.35, 0.0, generator.uniform(0.0, 0.005, count))
+        noise = np.where(generator.random(count) < 0.35, 0.0, generator.uniform(0.0, 0.005, count))
         gaps = np.where(generator.random(count) < 0.5, 0.0, generator.uniform(0.0, 0.35, count))
         points = points + noise[:, None, None, None, None] * generator.normal(size=points.shape)
         # at most one gap per marker, which may include the current frame
@@ -212,16 +205,6 @@ class WindowMaker:
         unseen = single[:, :, None] & ~moved & (np.array(LAGS_S)[:, None] <= length)
         points[unseen] = np.nan
         return points.astype(np.float32), single
-
-
-def _slow_errors(generator: np.random.Generator, shape: tuple[int, ...]) -> Array:
-    """Return the slow errors (G, N, L, M, 3) of keypoints, Ornstein-Uhlenbeck processes as in `simulate_keypoints`."""
-    time_constants_s = generator.uniform(*USUAL.slow_s, (shape[0], 1, shape[3], 1))
-    errors = generator.normal(size=shape)
-    for lag in range(1, shape[2]):
-        keep = np.exp(-(LAGS_S[lag] - LAGS_S[lag - 1]) / time_constants_s)
-        errors[:, :, lag] = keep * errors[:, :, lag - 1] + np.sqrt(1.0 - keep**2) * errors[:, :, lag]
-    return errors * generator.uniform(0.0, 2.0 * USUAL.slow_m, (shape[0], 1, 1, 1, 1))
 
 
 def _placed(

@@ -10,7 +10,7 @@ import numpy as np
 
 from ...errors import CaptureError
 from ...geometry.arrays import Array, Image
-from ...system.files import is_file
+from ...system.files import is_file, read_bytes
 
 _INPUT_PX = 256  # side of the network's input
 _POINTS, _VALUES = 39, 5  # points of the output, the body's 33 first, and x, y, z, visibility, presence of each
@@ -18,6 +18,7 @@ _BODY_POINTS, _CENTRE, _TOP = 33, 33, 34  # number of points of the body; points
 _MARGIN = 2.5  # side of the next crop, in units of the distance between these two points
 # the file: its name in MediaPipe's package, and its SHA-256
 NETWORK_FILE = "pose_landmark_full.tflite"
+MOST_BYTES = 64 << 20  # largest file that is read
 NETWORK_SHA256 = "e9a5c5cb17f736fafd4c2ec1da3b3d331d6edbe8a0d32395855aeb2cdfd64b9f"
 
 
@@ -72,7 +73,7 @@ class BlazePose:
     def __init__(self, path: Path) -> None:
         if not is_file(path):
             raise CaptureError("there is no body network", where=str(path), advice="get the body network first")
-        data = path.read_bytes()
+        data = read_bytes(path, MOST_BYTES, CaptureError)
         # OpenCV does not survive every damaged network
         if hashlib.sha256(data).hexdigest() != NETWORK_SHA256:
             what = f"is damaged, or not the {NETWORK_FILE} that this version knows"

@@ -38,12 +38,11 @@ class PeoplePipeline:
     Args:
         rig: Calibrated cameras.
         networks: A network for each camera.
-        tries: Number of crops that are searched in each image until somebody is found; see `PersonFollower`.
     """
 
-    def __init__(self, rig: CameraRig, networks: Sequence[BodyNetwork], tries: int) -> None:
+    def __init__(self, rig: CameraRig, networks: Sequence[BodyNetwork]) -> None:
         self.rig = rig
-        self._followers = [PersonFollower(network, tries) for network in networks]
+        self._followers = [PersonFollower(network) for network in networks]
         self._locator = PersonLocator(rig, load_marker_set(networks[0].marker_set))
 
     def process(self, images: ImageSet) -> MarkerFrame:

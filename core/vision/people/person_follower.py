@@ -16,7 +16,7 @@ class FollowSettings:
     least_score: float = 0.5  # score below which a crop shows nobody
     sides: tuple[float, ...] = (1.0, 0.6, 0.4, 1.6)  # sides of searched crops, in units of the picture's shorter side
     step: float = 0.4  # distance between searched crops, in units of their side
-    tries: int = 6  # crops that are searched in each picture: a live camera cannot wait longer
+    tries: int = 40  # crops that are searched in each picture
     refinements: int = 3  # largest number of times that a crop is moved to the person just found in it
     kept: float = 0.6  # share of the last crop that is kept, because points tremble with their crop
     held: int = 5  # number of pictures in which a lost person is looked for in the same place before the search

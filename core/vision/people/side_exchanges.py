@@ -19,9 +19,12 @@ from ...geometry.triangulation import triangulate
 from ...markers.exchanged_throughout import other_sides
 from ...markers.marker_set import Marker
 
-_GROUPS = {"head": ("head",), "arms": ("left arm", "left hand", "right arm", "right hand")} | {
-    "legs": ("left leg", "left foot", "right leg", "right foot")
-}
+# parts of the body whose points are exchanged together
+_GROUPS = (
+    ("head",),
+    ("left arm", "left hand", "right arm", "right hand"),
+    ("left leg", "left foot", "right leg", "right foot"),
+)
 
 
 @dataclass(frozen=True)
@@ -49,9 +52,9 @@ class SideExchanges:
 
     def __init__(self, cameras: Sequence[Camera], markers: Sequence[Marker]) -> None:
         self._cameras, self._others = tuple(cameras), other_sides(markers)
-        joints = {name: {joint for part in parts for joint in PARTS[part]} for name, parts in _GROUPS.items()}
+        joints = [{joint for part in parts for joint in PARTS[part]} for parts in _GROUPS]
         paired = (self._others >= 0) & (self._others != np.arange(len(markers)))
-        on_group = ([marker.joint in names for marker in markers] for names in joints.values())
+        on_group = ([marker.joint in names for marker in markers] for names in joints)
         members = [np.flatnonzero(paired & np.array(own)) for own in on_group]
         self._groups = [_Group(self._cameras, own, self._others[own]) for own in members if len(own)]
 

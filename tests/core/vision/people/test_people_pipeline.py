@@ -1,11 +1,15 @@
 """From images of two and three cameras to a person's labelled points."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from filmed_people import OTHERS, POINTS, keypoints, moments, networks
+from filmed_people import OTHERS, POINTS, keypoints, moments, networks, picture
 from perfanim.core.errors import CaptureError
+from perfanim.core.geometry.camera import CameraRig
 from perfanim.core.simulate.studio.studio_rig import default_rig
 from perfanim.core.vision.people.people_pipeline import PeoplePipeline, PersonLocator
+from perfanim.core.vision.pipeline import check_images
 from perfanim.core.vision.sources.image_set import ImageSet
 
 COUNT = 40
@@ -17,7 +21,7 @@ def points_m(truth):
 
 
 def frames(rig, nets, count=COUNT):
-    pipeline = PeoplePipeline(rig, nets, 1000)
+    pipeline = PeoplePipeline(rig, nets)
     return [pipeline.process(images) for images in moments(rig, count)]
 
 
@@ -94,7 +98,19 @@ def test_images_of_another_size_are_refused(points_m):
     images = moments(rig, 1)[0]
     small = ImageSet(0, images.times_s, tuple(image[:100] for image in images.images))
     with pytest.raises(CaptureError, match="images are 640x100, but the calibration is for"):
-        PeoplePipeline(rig, networks(rig, points_m), 10).process(small)
+        PeoplePipeline(rig, networks(rig, points_m)).process(small)
+
+
+def test_videos_of_1080_lines_may_be_calibrated_with_their_padding():
+    rig = default_rig()
+    tall = CameraRig(tuple(replace(camera, image_size=(1088, 1920)) for camera in rig.cameras))
+    for size, fits in (((1080, 1920), True), ((1088, 1920), True), ((1072, 1920), False)):
+        images = ImageSet(0, (0.0, 0.0), (picture(0, *size), picture(1, *size)))
+        if fits:
+            check_images(tall, images)
+        else:
+            with pytest.raises(CaptureError, match="images are 1072x1920, but the calibration is for 1088x1920"):
+                check_images(tall, images)
 
 
 def test_a_whole_take_is_decided_with_later_moments(points_m):
