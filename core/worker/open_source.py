@@ -12,6 +12,7 @@ from ..vision.sources.image_file_source import ImageFileSource
 from ..vision.sources.image_set import ImageSource
 from ..vision.sources.source_kinds import open_videos
 from ..vision.sources.source_requests import LiveCameras, VideoFiles
+from ..vision.sources.source_settings import SOURCES
 from .requests import SourceRequest, TrackerSource
 
 
@@ -23,8 +24,11 @@ class _Description:
 _DESCRIPTION = Schema(_Description, "Image source", "", SettingsError, "choose the source again")
 
 
-def open_source(asked: SourceRequest | Table) -> ImageSource:
+def open_source(asked: SourceRequest | Table, newest: bool = False) -> ImageSource:
     """Return an image source.
+
+    Args:
+        newest: Cameras drop images that wait while earlier ones are processed.
 
     Raises:
         SettingsError: The description of the source is invalid.
@@ -39,7 +43,8 @@ def open_source(asked: SourceRequest | Table) -> ImageSource:
     if isinstance(asked, VideoFiles):
         return open_videos(asked.paths, asked.fps)
     if isinstance(asked, LiveCameras):
-        return CameraSource(asked.devices, asked.size, asked.fps, asked.controls)
+        held = 1 if newest else SOURCES.held
+        return CameraSource(asked.devices, asked.size, asked.fps, asked.controls, held)
     if isinstance(asked, TrackerSource):
         raise CaptureError("trackers give no images", advice="choose cameras or video files")
     return ImageFileSource(asked.paths, asked.fps or 30.0)

@@ -78,6 +78,9 @@ class CamerasRequest(Request):
     in_flight: Annotated[
         int | None, About("number of frames that may wait for the receiver; by default any", "", 0, 1_000_000)
     ] = None
+    people: Annotated[
+        str, About("file of the body network that finds a person without markers; empty to find markers")
+    ] = ""
     preview: Annotated[bool, About("whether small pictures are sent")] = False
     background_file: Annotated[str, About("file that keeps the backgrounds for a replacement of this process")] = ""
     after: Annotated[RestartPoint | None, About("last frame of the replaced process")] = None

@@ -1,6 +1,5 @@
 """Networks that find the points of a person in a picture, and their files."""
 
-import hashlib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple, Protocol
@@ -8,18 +7,13 @@ from typing import NamedTuple, Protocol
 import cv2
 import numpy as np
 
-from ...errors import CaptureError
 from ...geometry.arrays import Array, Image
-from ...system.files import is_file, read_bytes
+from .network_file import read_network
 
 _INPUT_PX = 256  # side of the network's input
 _POINTS, _VALUES = 39, 5  # points of the output, the body's 33 first, and x, y, z, visibility, presence of each
 _BODY_POINTS, _CENTRE, _TOP = 33, 33, 34  # number of points of the body; points that give the next crop
 _MARGIN = 2.5  # side of the next crop, in units of the distance between these two points
-# the file: its name in MediaPipe's package, and its SHA-256
-NETWORK_FILE = "pose_landmark_full.tflite"
-MOST_BYTES = 64 << 20  # largest file that is read
-NETWORK_SHA256 = "e9a5c5cb17f736fafd4c2ec1da3b3d331d6edbe8a0d32395855aeb2cdfd64b9f"
 
 
 class Crop(NamedTuple):
@@ -71,14 +65,7 @@ class BlazePose:
     marker_set = "blazepose-33"
 
     def __init__(self, path: Path) -> None:
-        if not is_file(path):
-            raise CaptureError("there is no body network", where=str(path), advice="get the body network first")
-        data = read_bytes(path, MOST_BYTES, CaptureError)
-        # OpenCV does not survive every damaged network
-        if hashlib.sha256(data).hexdigest() != NETWORK_SHA256:
-            what = f"is damaged, or not the {NETWORK_FILE} that this version knows"
-            raise CaptureError(what, where=str(path), advice="get the body network again")
-        self._network = cv2.dnn.readNetFromTFLite(np.frombuffer(data, dtype=np.uint8))
+        self._network = cv2.dnn.readNetFromTFLite(np.frombuffer(read_network(path), dtype=np.uint8))
         self._outputs = self._network.getUnconnectedOutLayersNames()
 
     def find(self, image: Image, crop: Crop) -> FoundPerson:

@@ -1,12 +1,13 @@
 """Pipeline from images to marker frames with the labelled points of one person."""
 
 from collections.abc import Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from statistics import fmean
 
 import numpy as np
 
-from ...geometry.arrays import Array, FloatArray, IntArray, Mask
+from ...geometry.arrays import Array, FloatArray, Image, IntArray, Mask
 from ...geometry.camera import CameraRig
 from ...geometry.triangulation import triangulate
 from ...markers.marker_frame import MarkerFrame, undistort_blobs
@@ -14,7 +15,7 @@ from ...markers.marker_set import MarkerSet, load_marker_set
 from ..pipeline import check_images
 from ..sources.image_set import ImageSet, camera_title
 from .body_network import BodyNetwork, FoundPerson
-from .person_follower import PersonFollower
+from .person_follower import FollowSettings, PersonFollower
 from .side_exchanges import SideExchanges
 
 
@@ -26,10 +27,12 @@ class LocateSettings:
     error_share: float = 0.012  # standard deviation of a point in a picture, in units of the crop's side
     contradiction: float = 6.0  # reprojection error, in standard deviations, above which two rays do not meet
     reweighted: int = 8  # number of times that the rays of three or more cameras are weighted by how well they meet
+    agreeing: float = 0.5  # share of the points of several cameras that must meet, or the cameras show different things
 
 
 _S = LocateSettings()
 _NOBODY = np.empty((0, 5), dtype=np.float32)
+_APART = "the cameras do not see the same person in the same place: check that one person is there and no camera moved"
 
 
 class PeoplePipeline:
@@ -38,12 +41,25 @@ class PeoplePipeline:
     Args:
         rig: Calibrated cameras.
         networks: A network for each camera.
+        tries: Crops that are searched in each picture (see `PersonFollower`).
+        others: Looks at the pictures of all cameras but the first meanwhile, each with its own network; None to look at
+            them one after the other. OpenCV releases the interpreter while a network runs, so threads are enough.
+
+    Attributes:
+        points: The points that the networks find.
     """
 
-    def __init__(self, rig: CameraRig, networks: Sequence[BodyNetwork]) -> None:
-        self.rig = rig
-        self._followers = [PersonFollower(network) for network in networks]
-        self._locator = PersonLocator(rig, load_marker_set(networks[0].marker_set))
+    def __init__(
+        self,
+        rig: CameraRig,
+        networks: Sequence[BodyNetwork],
+        tries: int = FollowSettings().tries,
+        others: Executor | None = None,
+    ) -> None:
+        self.rig, self.points = rig, load_marker_set(networks[0].marker_set)
+        self._followers = [PersonFollower(network, tries) for network in networks]
+        self._others = others
+        self._locator = PersonLocator(rig, self.points)
 
     def process(self, images: ImageSet) -> MarkerFrame:
         """Return the points of one image set: `detect`, then `PersonLocator.locate`."""
@@ -59,8 +75,7 @@ class PeoplePipeline:
             CaptureError: The number or the size of the images does not match the calibration.
         """
         check_images(self.rig, images)
-        rows = zip(self._followers, images.images, images.usable, strict=True)
-        found = [follower.step(image) if use else None for follower, image, use in rows]
+        found = self._find(images)
         names = [camera.name for camera in self.rig.cameras]
         nobody = tuple(
             f"{camera_title(index, names)} shows nobody"
@@ -76,6 +91,18 @@ class PeoplePipeline:
             camera_times_s=stamps_s,
             notes=(*images.notes, *nobody),
         )
+
+    def _find(self, images: ImageSet) -> list[FoundPerson | None]:
+        """Return the person in the image of each camera."""
+        rows = list(zip(self._followers, images.images, images.usable, strict=True))
+        if self._others is None:
+            return [_step(*row) for row in rows]
+        running = [self._others.submit(_step, *row) for row in rows[1:]]
+        return [_step(*rows[0]), *(each.result() for each in running)]
+
+
+def _step(follower: PersonFollower, image: Image, use: bool) -> FoundPerson | None:
+    return follower.step(image) if use else None
 
 
 def _rows(person: FoundPerson | None) -> FloatArray:
@@ -133,6 +160,7 @@ class PersonLocator:
             normalised[several], sigmas_px[several], is_seen[several]
         )
         meets = is_seen[several].sum(axis=1) >= 2
+        is_apart = meets.sum() < _S.agreeing * len(several)
         several = several[meets]
         cameras_alone = is_seen[alone].argmax(axis=1)
         return replace(
@@ -145,6 +173,7 @@ class PersonLocator:
             single_blobs=rows_of.T[alone, cameras_alone],
             single_points=normalised[alone, cameras_alone],
             single_labels=alone,
+            notes=(*seen.notes, _APART) if is_apart else seen.notes,
         )
 
     def _meet(self, normalised: Array, sigmas_px: Array, is_seen: Mask) -> tuple[Array, Array, Mask]:

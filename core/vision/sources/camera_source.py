@@ -38,6 +38,7 @@ class CameraSource(ClosableSource):
         devices: Device number or address of each camera.
         size: Requested width and height of the images; None for the camera's default.
         fps: Requested rate; network cameras are assumed to have it.
+        held: Largest number of images of a camera that wait while earlier ones are processed; 1 keeps the newest.
 
     Attributes:
         warnings: Controls that a camera refused.
@@ -52,6 +53,7 @@ class CameraSource(ClosableSource):
         size: tuple[int, int] | None = None,
         fps: float | None = None,
         controls: Sequence[CameraControls] = (),
+        held: int = SOURCES.held,
     ) -> None:
         twice = next((device for at, device in enumerate(devices) if device in devices[:at]), None)
         if twice is not None:
@@ -66,7 +68,7 @@ class CameraSource(ClosableSource):
         self._readers: list[_Reader] = []
         try:
             for device, wanted in zip_longest(devices, controls[: len(devices)]):
-                self._readers.append(_Reader(partial(_open, device, size, fps), self._news, wanted))
+                self._readers.append(_Reader(partial(_open, device, size, fps), self._news, wanted, held))
         except CaptureError:
             self.close()
             raise
@@ -132,13 +134,15 @@ class CameraSource(ClosableSource):
 class _Reader:
     """Reader of one camera in a thread, from `begin` to `stop`; a camera that is lost is reopened."""
 
-    def __init__(self, opened: Callable[[], Any], news: threading.Event, controls: CameraControls | None) -> None:
+    def __init__(
+        self, opened: Callable[[], Any], news: threading.Event, controls: CameraControls | None, held: int
+    ) -> None:
         self.gone = False
         self.refused: Sequence[str] = ()
         self._opened = opened
         self._controls = controls
         self._news = news
-        self._images: deque[tuple[float, Image]] = deque(maxlen=SOURCES.held)
+        self._images: deque[tuple[float, Image]] = deque(maxlen=held)
         self._stop = threading.Event()
         self._thread: threading.Thread | None = None
         first = self._open()

@@ -16,18 +16,22 @@ from ...errors import CaptureError
 from ...geometry.arrays import Image
 from ...geometry.camera import CameraRig
 from ...geometry.npz import read_arrays, write_arrays
+from ...markers.marker_frame import MarkerFrame
 from ...simulate.studio.simulated_performer import SimulatedPerformer
 from ...system.files import reading
 from ...vision.blob_preview import draw_blobs
 from ...vision.detection.background import Background, background_from_take, learn_backgrounds
 from ...vision.live_frames import live_frames, live_settings
+from ...vision.people.people_pipeline import PeoplePipeline
+from ...vision.people.person_preview import draw_person
 from ...vision.pipeline import MarkerPipeline
 from ...vision.sources.image_set import ImageSet, ImageSource
 from ..channel import Channel, Stopped, open_when_free
 from ..open_source import open_source
 from ..requests import CamerasRequest
 from ..worker_settings import WORKER
-from .preview_sender import PreviewSender
+from .person_pipeline import open_networks
+from .preview_sender import Draw, PreviewSender
 
 
 def run(request: CamerasRequest, channel: Channel) -> None:
@@ -38,22 +42,37 @@ def run(request: CamerasRequest, channel: Channel) -> None:
     """
     # cameras' images are so small that a second thread starts too late to help, and Blender needs the other core
     cv2.setNumThreads(1)
-    with open_pipeline(request, channel) as (source, pipeline):
+    opened = _open_people if request.people else open_pipeline
+    with opened(request, channel) as (source, pipeline):
         channel.send_status("waiting for images")
         for warning in getattr(source, "warnings", ()):
             channel.send_warning(warning)
         remaining = _remaining(request, source)
         images = _Images(channel.stop_requested, remaining if request.source.is_live else _pace(remaining))
         preview = PreviewSender(request.preview, channel)
-        thresholds = [detector.threshold for detector in pipeline.detectors]
-        for stamp_s, frame in live_frames(
-            images, pipeline, channel.send_warning, exact=isinstance(request.source, SimulatedPerformer)
-        ):
+        for stamp_s, frame in _frames(request, images, pipeline, channel):
             channel.slowness.add(time.perf_counter() - stamp_s, time.thread_time() - images.processor_s)
             channel.send_frame(stamp_s, frame)
-            preview.send(images.newest, partial(draw_blobs, frame, thresholds, pipeline.rig))
+            preview.send(images.newest, _drawing(frame, pipeline))
             if request.in_flight is not None:
                 channel.wait_for_ack(request.in_flight)
+
+
+def _frames(
+    request: CamerasRequest, images: "_Images", pipeline: MarkerPipeline | PeoplePipeline, channel: Channel
+) -> Iterator[tuple[float, MarkerFrame]]:
+    """Yield each image set's time of arrival (`time.perf_counter()`) and its marker frame."""
+    if isinstance(pipeline, PeoplePipeline):
+        return ((time.perf_counter(), pipeline.process(moment)) for moment in images)
+    is_exact = isinstance(request.source, SimulatedPerformer)
+    return live_frames(images, pipeline, channel.send_warning, exact=is_exact)
+
+
+def _drawing(frame: MarkerFrame, pipeline: MarkerPipeline | PeoplePipeline) -> Draw:
+    """Return the function that draws what was found into the cameras' pictures."""
+    if isinstance(pipeline, PeoplePipeline):
+        return partial(draw_person, frame, pipeline.points.names)
+    return partial(draw_blobs, frame, [detector.threshold for detector in pipeline.detectors], pipeline.rig)
 
 
 class _Images:
@@ -79,19 +98,23 @@ class _Images:
 
 
 @contextmanager
+def _open_people(request: CamerasRequest, channel: Channel) -> Iterator[tuple[ImageSource, PeoplePipeline]]:
+    """Yield the source, and the pipeline that finds a person in its images; errors are those of `open_pipeline`."""
+    with open_networks(request) as pipeline, _open_cameras(request, channel) as source:
+        yield source, pipeline
+
+
+@contextmanager
 def open_pipeline(request: CamerasRequest, channel: Channel) -> Iterator[tuple[ImageSource, MarkerPipeline]]:
     """Yield the source, and its pipeline with learned backgrounds.
 
     Raises:
         Stopped: A stop was requested meanwhile. PerfanimError: The source cannot be opened or lacks a calibration.
     """
-    channel.send_status("opening the cameras")
-    takes_place = request.after is not None
-    source = open_when_free(lambda: open_source(request.source), takes_place, channel.stop_requested)
-    try:
+    with _open_cameras(request, channel) as source:
         pipeline = MarkerPipeline(_rig(request, source), live_settings(request.threshold))
         kept = Path(request.background_file)
-        if takes_place and kept.is_file():
+        if request.after is not None and kept.is_file():
             pipeline.set_backgrounds(_read_backgrounds(kept))
         else:
             if learned := learn_room(source, request, channel):
@@ -99,6 +122,15 @@ def open_pipeline(request: CamerasRequest, channel: Channel) -> Iterator[tuple[I
             if kept.name:
                 _keep_backgrounds(pipeline, kept)
         yield source, pipeline
+
+
+@contextmanager
+def _open_cameras(request: CamerasRequest, channel: Channel) -> Iterator[ImageSource]:
+    channel.send_status("opening the cameras")
+    opened = partial(open_source, request.source, newest=bool(request.people))
+    source = open_when_free(opened, request.after is not None, channel.stop_requested)
+    try:
+        yield source
     finally:
         source.close()
 

@@ -10,6 +10,8 @@ from ...geometry.arrays import Image
 from ..channel import Channel
 from ..worker_settings import WORKER
 
+Draw = Callable[[int, Image, int], None]  # draws into the reduced picture of a camera; see `PreviewSender.send`
+
 
 class PreviewSender:
     """Sends the cameras' images side by side, if previews are requested."""
@@ -19,7 +21,7 @@ class PreviewSender:
         self._wanted = wanted
         self._due_s = 0.0
 
-    def send(self, images: Sequence[Image], draw: Callable[[int, Image, int], None]) -> None:
+    def send(self, images: Sequence[Image], draw: Draw) -> None:
         """Send the images (BGR) of one moment, if a preview is due.
 
         `draw` receives the camera's number, its reduced picture to draw into, and the width of its image.

@@ -6,16 +6,16 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
-from perfanim.core.api import body_network
-from perfanim.core.api.body_network import body_network_file, get_body_network
+from perfanim.core.api.body_network import get_body_network
 from perfanim.core.errors import CaptureError, DownloadError
 from perfanim.core.system.user_folder import cache_folder
-from perfanim.core.vision.people.body_network import NETWORK_FILE
+from perfanim.core.vision.people import network_file
+from perfanim.core.vision.people.network_file import NETWORK_FILE, body_network_file
 
 
 @pytest.fixture(autouse=True)
 def folder(monkeypatch, tmp_path):
-    monkeypatch.setattr(body_network, "cache_folder", lambda: tmp_path / "user")
+    monkeypatch.setattr(network_file, "cache_folder", lambda: tmp_path / "user")
     return tmp_path / "user"
 
 

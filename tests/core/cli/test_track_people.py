@@ -5,7 +5,7 @@ import json
 import cv2
 import numpy as np
 import pytest
-from perfanim.core.api.body_network import body_network_file
+from perfanim.core.vision.people.network_file import body_network_file
 from perfanim.core.body.skeleton import forward_kinematics
 from perfanim.core.cli.main import main
 from perfanim.core.formats.markers.marker_files import read_take

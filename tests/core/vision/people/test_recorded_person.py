@@ -6,7 +6,7 @@ from statistics import fmean
 
 import numpy as np
 import pytest
-from perfanim.core.api.body_network import body_network_file
+from perfanim.core.vision.people.network_file import body_network_file
 from perfanim.core.api.solving import solve
 from perfanim.core.body.skeleton import forward_kinematics
 from perfanim.core.geometry.camera import CameraRig
