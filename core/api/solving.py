@@ -20,6 +20,7 @@ from ..geometry.camera import CameraRig
 from ..markers.filtering import smooth_motion, smooth_take
 from ..markers.label_faults import correct_labels, told
 from ..markers.label_matching import AUTO
+from ..markers.marker_frame import MarkerFrame
 from ..markers.marker_set import MarkerSet
 from ..markers.marker_take import MarkerTake
 from ..markers.prop import Prop
@@ -229,13 +230,8 @@ def solve_recording(
         cache: Cache shared by takes that are solved one after another.
     """
     cache, where, recorded = cache or SessionCache(), str(take.path), take.setup.subjects()
-    rig, frames = take.setup.camera_rig(), take.frames
-    if changes.rig is not None:
-        from ..vision.tracked_take import retriangulate  # OpenCV is slow to load
-
-        progress(0.0, "triangulating the markers again")
-        rig = changes.rig
-        frames = tuple(retriangulate(rig, frames))
+    rig = changes.rig or take.setup.camera_rig()
+    frames = _located(take, changes.rig, request.causal, progress)
     subject = changes.subject or (recorded[0] if recorded else None)
     if subject is None:
         raise SubjectError("names no performer", where=where, advice="name a subject, or a skeleton and a marker set")
@@ -265,6 +261,23 @@ def solve_recording(
     }
     finished = _finished(solved, request, floor_of(rig), report | refined)
     return replace(finished, report=finished.report | _recorded_figures(finished, setup))
+
+
+def _located(take: TakeFile, changed: CameraRig | None, is_causal: bool, progress: Progress) -> Sequence[MarkerFrame]:
+    """Return the frames, triangulated again if the calibration has changed.
+
+    A person without markers is always located again from the 2D points, unless the take is solved causally: later
+    frames help to tell left from right.
+    """
+    rig = changed or take.setup.camera_rig()
+    is_person = bool(take.setup.capture.get("people"))
+    if rig is None or (changed is None and (is_causal or not is_person)):
+        return take.frames
+    from ..vision.tracked_take import check_cameras, relocate, retriangulate  # OpenCV is slow to load
+
+    progress(0.0, "triangulating again")
+    check_cameras(rig, take.frames)
+    return relocate(rig, take.frames) if is_person else retriangulate(rig, take.frames)
 
 
 def _told_times(solved: SolvedTake) -> list[str]:

@@ -36,10 +36,10 @@ from ..system.schema import About, check_ranges
 from ..vision.calibration.rig_on_floor import rig_on_floor
 from ..vision.detection.blob_detector import DetectionSettings
 from ..vision.people.body_network import BlazePose
-from ..vision.people.people_pipeline import PeoplePipeline, PersonLocator
+from ..vision.people.people_pipeline import PeoplePipeline
 from ..vision.pipeline import MarkerPipeline
 from ..vision.sources.source_kinds import open_image_source
-from ..vision.tracked_take import image_take, labelled_rms_px, labelled_take, synchronise_frames
+from ..vision.tracked_take import image_take, labelled_rms_px, labelled_take, relocate, synchronise_frames
 
 Facts = dict[str, Any]
 
@@ -203,7 +203,7 @@ def _record(request: TrackRequest, frames: Iterator[MarkerFrame], *, keep_cut: b
     """Write frames to a recorded take as they arrive; return its figures."""
     performers = (request.subject,) if request.subject is not None else ()
     known = identity(request.database) if request.database is not None else {}
-    capture = {"tracked": list(request.sources), "threshold": request.threshold}
+    capture = {"tracked": list(request.sources), "threshold": request.threshold, "people": request.people or ""}
     setup = TakeSetup.of(request.rig, performers, {}, known, capture)
     written = record_frames(Path(request.out), setup, frames, keep_cut=keep_cut)
     try:
@@ -230,7 +230,7 @@ def _synchronise(request: TrackRequest, frames: Sequence[MarkerFrame]) -> tuple[
     """
     aligned: Facts = {}
     if request.people:
-        frames = PersonLocator(request.rig, request.points).locate_all(frames)
+        frames = relocate(request.rig, frames)
     elif len(request.rig) > 1 and request.time_offsets:
         frames, offsets = synchronise_frames(request.rig, frames)
         aligned = {

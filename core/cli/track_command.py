@@ -57,8 +57,8 @@ def add_parser(subparsers: Any) -> None:
 
 
 def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
-    from ..vision.people.network_file import body_network_file
     from ..api.tracking import TrackRequest, track
+    from ..vision.people.network_file import body_network_file
 
     _check(args)
     worn = chosen_marker_set(args)

@@ -9,10 +9,13 @@ from ..errors import TakeError, counted
 from ..geometry.arrays import IntArray
 from ..geometry.camera import CameraRig
 from ..markers.marker_frame import MarkerFrame, undistort_blobs
+from ..markers.marker_set import load_marker_set
 from ..markers.marker_take import MarkerTake, SingleViews
 from .matching.image_tracks import BlobLinker, image_tracks
 from .matching.time_alignment import TimeAligner
 from .matching.time_offset import TimeOffset, estimate_time_offsets
+from .people.body_network import BlazePose
+from .people.people_pipeline import PersonLocator
 from .pipeline import MarkerPipeline
 
 
@@ -31,12 +34,8 @@ def synchronise_frames(
     return [pipeline.locate(frame) for frame in frames], offsets
 
 
-def retriangulate(rig: CameraRig, frames: Sequence[MarkerFrame]) -> list[MarkerFrame]:
-    """Return synchronised frames with points triangulated again from the detected blobs.
-
-    Raises:
-        TakeError: The frames come from a different number of cameras.
-    """
+def check_cameras(rig: CameraRig, frames: Sequence[MarkerFrame]) -> None:
+    """Raise TakeError if the frames come from a different number of cameras."""
     for frame in frames:
         if len(frame.detected) != len(rig):
             raise TakeError(
@@ -44,9 +43,18 @@ def retriangulate(rig: CameraRig, frames: Sequence[MarkerFrame]) -> list[MarkerF
                 where=f"frame {frame.number}",
                 advice="give a calibration of the same cameras",
             )
+
+
+def retriangulate(rig: CameraRig, frames: Sequence[MarkerFrame]) -> list[MarkerFrame]:
+    """Return synchronised frames of this rig's cameras with points triangulated again from the detected blobs."""
     pipeline = MarkerPipeline(rig)
     located = [pipeline.locate(replace(frame, blobs=frame.detected, normalised=())) for frame in frames]
     return synchronise_frames(rig, located)[0]
+
+
+def relocate(rig: CameraRig, frames: Sequence[MarkerFrame]) -> list[MarkerFrame]:
+    """Return the frames of a person without markers with the points located again from those in the pictures."""
+    return PersonLocator(rig, load_marker_set(BlazePose.marker_set)).locate_all(frames)
 
 
 def labelled_rms_px(rig: CameraRig, frames: Sequence[MarkerFrame], labels: Sequence[IntArray]) -> float:

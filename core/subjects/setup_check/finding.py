@@ -24,6 +24,17 @@ class Fault(StrEnum):
     MARKER_MISSING = "marker missing"
 
 
+class PersonFault(StrEnum):
+    """Kinds of faults that the check of a person without markers can find."""
+
+    NOBODY = "nobody in view"
+    DARK = "too dark"
+    SMALL = "too far"
+    CUT_OFF = "body cut off"
+    APART = "cameras do not agree"
+    ANGLE = "angle between cameras"
+
+
 # faults that the pictures of a single camera show, calibrated or not
 PICTURE_FAULTS = frozenset({Fault.DARK, Fault.BRIGHT, Fault.BLURRED, Fault.SHUTTER, Fault.REFLECTION})
 
@@ -38,7 +49,7 @@ class Finding:
         places: Positions in images around which rings are drawn.
     """
 
-    fault: Fault
+    fault: Fault | PersonFault
     where: str
     text: str
     places: tuple[Place, ...] = ()

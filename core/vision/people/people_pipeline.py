@@ -32,7 +32,8 @@ class LocateSettings:
 
 _S = LocateSettings()
 _NOBODY = np.empty((0, 5), dtype=np.float32)
-_APART = "the cameras do not see the same person in the same place: check that one person is there and no camera moved"
+# note of a frame in which the rays of several cameras hardly meet
+APART = "the cameras do not see the same person in the same place: check that one person is there and no camera moved"
 
 
 class PeoplePipeline:
@@ -141,7 +142,8 @@ class PersonLocator:
 
     def _read(self, seen: MarkerFrame) -> tuple[MarkerFrame, Array, Array]:
         """Return a frame as detected, the visible points (C, K, 2) and their standard deviations (C, K), pixels."""
-        seen = undistort_blobs(replace(seen, blobs=seen.detected, normalised=()), self._rig.cameras)
+        notes = tuple(note for note in seen.notes if note != APART)
+        seen = undistort_blobs(replace(seen, blobs=seen.detected, normalised=(), notes=notes), self._rig.cameras)
         normalised = np.full((len(self._rig), self._count, 2), np.nan)
         sigmas_px = np.ones(normalised.shape[:2])
         for camera, (rows, coordinates) in enumerate(zip(seen.blobs, seen.normalised, strict=True)):
@@ -173,7 +175,7 @@ class PersonLocator:
             single_blobs=rows_of.T[alone, cameras_alone],
             single_points=normalised[alone, cameras_alone],
             single_labels=alone,
-            notes=(*seen.notes, _APART) if is_apart else seen.notes,
+            notes=(*seen.notes, APART) if is_apart else seen.notes,
         )
 
     def _meet(self, normalised: Array, sigmas_px: Array, is_seen: Mask) -> tuple[Array, Array, Mask]:

@@ -13,6 +13,7 @@ from ...formats.take_file.pose_codec import TimedPose, pack_solved
 from ...formats.take_file.take_writer import TakeWriter
 from ...geometry.arrays import Image
 from ...markers.marker_frame import MarkerFrame
+from ...markers.marker_set import PointKind
 from ...session.delayed_poses import DelayedPoses
 from ..channel import Channel
 from ..client import WorkerClient
@@ -132,14 +133,14 @@ class CaptureLoop:
             raise message.error()
 
     def _draw_labels(self, pictures: Image) -> Image:
-        """Draw the names of the last solved markers in the cameras' pictures."""
+        """Draw the names of the last solved markers in the cameras' pictures; keypoints are drawn as a skeleton."""
         from ...vision.blob_preview import draw_labels  # loaded late: nothing else in this process needs OpenCV
 
-        rig, pose = self._session.rig, self._pose
-        if rig is None or pose is None or pose.confidence == 0.0:
+        rig, pose, worn = self._session.rig, self._pose, self._session.subjects[0].marker_set
+        if rig is None or pose is None or pose.confidence == 0.0 or worn.points is PointKind.KEYPOINTS:
             return pictures
         seen = np.isfinite(pose.observed_m[:, 0]) | (pose.single_cameras >= 0)
-        return draw_labels(self._session.subjects[0].marker_set.names, pose.markers_m, seen, rig, pictures)
+        return draw_labels(worn.names, pose.markers_m, seen, rig, pictures)
 
     def _solve(self, stamp_s: float, frame: MarkerFrame) -> None:
         started_s, processor_s = time.perf_counter(), time.thread_time()

@@ -1,4 +1,4 @@
-"""Job: check light, cameras and markers before a capture.
+"""Job: check light, cameras, and markers or a person without them, before a capture.
 
 The RESULT has "findings" (tables with "fault", "text" and "places") and "space" (where all cameras see a performer; ""
 without a calibration that knows the floor). The last PREVIEW shows rings around the places of the findings, with
@@ -8,6 +8,7 @@ reflections numbered from 1 in the RESULT's order, crosses at ignored positions,
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import islice
 
 import cv2
@@ -17,20 +18,24 @@ from ...body.calibration_poses import INSTRUCTIONS
 from ...errors import CaptureError
 from ...geometry.arrays import Image
 from ...geometry.camera import Camera, CameraRig
+from ...markers.marker_frame import MarkerFrame
 from ...markers.marker_set import load_marker_set
 from ...simulate.practice_studio import FPS, SECONDS, studio_with
 from ...simulate.studio.simulated_performer import SimulatedPerformer
 from ...subjects.setup_check.find_faults import check_pictures, check_setup
 from ...subjects.setup_check.finding import Fault, Finding
+from ...subjects.setup_check.person_faults import check_person
 from ...vision.blob_preview import cross_out, reduced
 from ...vision.common_space import CommonSpace, common_space
 from ...vision.detection.background import learn_backgrounds
+from ...vision.people.person_preview import draw_person
 from ...vision.sources.image_set import ImageSet
 from ..channel import Channel, Stopped
 from ..open_source import open_source
 from ..requests import CheckSetupRequest
 from .camera_frames import learn_room
-from .preview_sender import PreviewSender
+from .person_pipeline import open_networks
+from .preview_sender import Draw, PreviewSender
 from .record_board import camera_names
 from .record_pose import count_down
 
@@ -40,6 +45,8 @@ class CheckSettings:
     """Timing of a check, and drawings in its last picture; colours are BGR."""
 
     pose_s: float = 2.0  # duration of the T pose
+    person_fps: float = 10.0  # image sets per second in which a person is looked for
+    place: str = "stand where all cameras see you"  # what a person without markers is asked to do
     seed: int = 18  # random seed of the simulated studio with a fault
     ring: tuple[int, int, int] = (60, 170, 255)  # colour of the rings around findings
     ring_px: int = 9  # radius of the rings
@@ -56,7 +63,7 @@ def run(request: CheckSetupRequest, channel: Channel) -> None:
     Raises:
         Stopped: A stop was requested meanwhile. PerfanimError: The source cannot be opened or used.
     """
-    check = _check_studio if request.fault else _check_source
+    check = _check_person if request.people else _check_studio if request.fault else _check_source
     findings, space = check(request, channel)
     rows = [{"fault": str(found.fault), "text": found.text, "places": found.places} for found in findings]
     channel.send_result({"findings": rows, "space": space.text if space else ""})
@@ -88,6 +95,43 @@ def _check_source(request: CheckSetupRequest, channel: Channel) -> tuple[list[Fi
     return findings, space
 
 
+def _check_person(request: CheckSetupRequest, channel: Channel) -> tuple[list[Finding], CommonSpace | None]:
+    """Return the faults in how the cameras see a person without markers, and the space that they see."""
+    channel.send_status("opening the cameras")
+    with open_networks(request) as pipeline, closing(open_source(request.source, newest=True)) as source:
+        rig, images = pipeline.rig, iter(source)
+        if request.source.is_live:
+            count_down(images, request.countdown_s, channel, _SETTINGS.place)
+        spaced = _spaced(images, 1.0 / _SETTINGS.person_fps, SECONDS)
+        watched = _Watched(spaced, _SETTINGS.person_fps, channel, pose_s=0.0)
+
+        def moments() -> Iterator[tuple[ImageSet, MarkerFrame]]:
+            for moment in watched:
+                frame = pipeline.process(moment)
+                watched.draw = partial(draw_person, frame, pipeline.points.names)
+                yield moment, frame
+
+        findings = check_person(rig, pipeline.points, moments())
+        space = common_space(rig) if "floor" in rig.metadata else None
+        watched.show(findings, (), rig, space)
+    return findings, space
+
+
+def _spaced(images: Iterable[ImageSet], apart_s: float, seconds: float) -> Iterator[ImageSet]:
+    """Yield image sets of the first seconds that are at least so far apart."""
+    start_s = due_s = None
+    for moment in images:
+        time_s = moment.mean_time_s
+        if time_s is None:
+            continue
+        start_s = time_s if start_s is None else start_s
+        if time_s - start_s >= seconds:
+            return
+        if due_s is None or time_s >= due_s:
+            due_s = time_s + apart_s
+            yield moment
+
+
 def _check_studio(request: CheckSetupRequest, channel: Channel) -> tuple[list[Finding], None]:
     """Return the faults found in a simulated studio that has the requested fault."""
     fault = Fault(request.fault)
@@ -101,10 +145,17 @@ def _check_studio(request: CheckSetupRequest, channel: Channel) -> tuple[list[Fi
 
 
 class _Watched:
-    """Iterable of image sets that also sends previews of them, and instructions for the performer."""
+    """Iterable of image sets that also sends previews of them, and instructions for the performer.
 
-    def __init__(self, images: Iterable[ImageSet], fps: float, channel: Channel) -> None:
-        self._images, self._fps, self._channel = images, fps, channel
+    Attributes:
+        draw: Draws what was found in the last images.
+    """
+
+    def __init__(
+        self, images: Iterable[ImageSet], fps: float, channel: Channel, pose_s: float = _SETTINGS.pose_s
+    ) -> None:
+        self._images, self._fps, self._channel, self._pose_s = images, fps, channel, pose_s
+        self.draw: Draw = _draw_nothing
         self._preview = PreviewSender(True, channel)
         self._last: Sequence[Image] = ()
 
@@ -113,11 +164,11 @@ class _Watched:
             if self._channel.stop_requested.is_set():
                 raise Stopped
             passed_s = number / self._fps
-            text = f"hold still: {INSTRUCTIONS['t']}" if passed_s < _SETTINGS.pose_s else "walk about"
+            text = f"hold still: {INSTRUCTIONS['t']}" if passed_s < self._pose_s else "walk about"
             self._channel.send_status(text, passed_s / SECONDS)
             self._last = moment.images
-            self._preview.send(moment.images, _draw_nothing)
             yield moment
+            self._preview.send(moment.images, self.draw)
 
     def show(
         self,
@@ -129,6 +180,7 @@ class _Watched:
         """Send the last images with rings, crosses, and the space."""
 
         def draw(camera: int, picture: Image, image_width: int) -> None:
+            self.draw(camera, picture, image_width)
             if rig and space:
                 _outline(rig.cameras[camera], space, picture, image_width)
             cross_out([(x, y) for index, x, y in ignored if index == camera], picture, image_width)
