@@ -1,7 +1,9 @@
 """Downloading packages with the user's own pip."""
 
+import ensurepip
 import subprocess
 import sys
+from importlib.util import find_spec
 from pathlib import Path
 
 from ..errors import DownloadError
@@ -20,11 +22,11 @@ def download_wheel(package: str, folder: Path) -> None:
     Raises:
         DownloadError: pip is missing or fails.
     """
-    pip = [sys.executable, "-m", "pip", "download", "--no-deps", "--only-binary", ":all:", *_FOR]
+    options = ("download", "--no-deps", "--only-binary", ":all:", *_FOR)
     advice = f"check the connection, or bring a wheel of {package} from another computer"
     try:
         done = subprocess.run(
-            [*pip, "--quiet", "--dest", str(folder), package],
+            [*pip_command(), *options, "--quiet", "--dest", str(folder), package],
             capture_output=True, text=True, check=False, timeout=_LONGEST_S,
         )  # fmt: skip
     except (OSError, subprocess.TimeoutExpired) as error:
@@ -32,3 +34,11 @@ def download_wheel(package: str, folder: Path) -> None:
     if done.returncode:
         said = (done.stderr.strip().splitlines() or ["no reason given"])[-1]
         raise DownloadError(f"pip does not bring {package} ({said})", advice=advice)
+
+
+def pip_command() -> list[str]:
+    """Return the command that runs pip; where it is not installed, as in Blender, the wheel that Python brings."""
+    bundled = sorted(Path(ensurepip.__file__).parent.glob("_bundled/pip-*.whl"))
+    if find_spec("pip") is None and bundled:
+        return [sys.executable, str(bundled[-1] / "pip")]
+    return [sys.executable, "-m", "pip"]

@@ -16,6 +16,7 @@ from ...core.markers.subject import Subject
 from ...core.session.pose_filters import FilterSettings
 from ...core.simulate.studio.simulated_performer import Partner, SimulatedPerformer
 from ...core.system.files import remove_left_behind
+from ...core.vision.people.network_file import body_network_file
 from ...core.vision.sources.source_requests import ImageFiles, LiveCameras, VideoFiles
 from ...core.worker.client import WorkerClient
 from ...core.worker.requests import CamerasRequest, CaptureRequest, SourceRequest, TrackerSource
@@ -54,7 +55,7 @@ def make(settings: Any) -> Setup:
     marker_set = readiness.marker_set(settings)
     database_path = str(readiness.database_path(settings))
     readiness.database_frames(database_path)  # raises for a damaged database
-    if settings.subject:
+    if settings.subject or readiness.follows_person(settings):
         subject = readiness.worn_subject(settings)
     else:  # the simulated performer's true body and markers
         subject = Subject("Simulated performer", default_skeleton(SIMULATED_HEIGHT_M), marker_set)
@@ -109,7 +110,13 @@ def shape(settings: Any) -> FilterSettings:
 def cameras(settings: Any) -> CamerasRequest:
     """Return the request for the cameras or trackers; PerfanimError if a file is missing or damaged."""
     has_rig = readiness.has_cameras(settings) and not readiness.is_known(settings)
-    return CamerasRequest(**camera_fields(settings, calibration(settings, True) if has_rig else None))
+    rig = calibration(settings, True) if has_rig else None
+    return CamerasRequest(**camera_fields(settings, rig), people=people(settings))
+
+
+def people(settings: Any) -> str:
+    """Return the file of the body network if a person without markers is followed, else ""."""
+    return str(body_network_file()) if readiness.follows_person(settings) else ""
 
 
 def camera_fields(settings: Any, rig: CameraRig | None) -> dict[str, Any]:

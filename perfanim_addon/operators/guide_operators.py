@@ -51,7 +51,7 @@ class PERFANIM_OT_show_cameras(_PictureJob, bpy.types.Operator):
 
 class PERFANIM_OT_check_setup(_PictureJob, bpy.types.Operator):
     """Check light, cameras and markers for faults: leave the view empty,
-    then stand in front of the cameras, hold a T pose and walk about"""
+    then stand in front of the cameras, hold a T pose and walk about. Without markers: walk about"""
 
     bl_label = "Check Setup"
     title = "Checking the setup"
@@ -61,7 +61,8 @@ class PERFANIM_OT_check_setup(_PictureJob, bpy.types.Operator):
         chosen = settings(context)
         if readiness.is_known(chosen) or not readiness.has_cameras(chosen):
             return "Needs cameras as the source, or Practise Calibration"
-        return readiness.pictures(chosen).problem or readiness.markers(chosen).problem
+        found = readiness.pictures(chosen).problem or readiness.markers(chosen).problem
+        return found or (readiness.cameras(chosen).problem if readiness.follows_person(chosen) else "")
 
     def request(self, context: bpy.types.Context) -> CheckSetupRequest:
         chosen = settings(context)
@@ -72,6 +73,7 @@ class PERFANIM_OT_check_setup(_PictureJob, bpy.types.Operator):
             background_s=chosen.background_s,
             countdown_s=chosen.countdown_s,
             marker_set=readiness.marker_set_source(chosen),
+            people=capture_request.people(chosen),
             fault=str(Fault[chosen.practise_fault]) if is_practice else "",
             ignored=tuple(ignored_places.ignored(chosen)),
         )

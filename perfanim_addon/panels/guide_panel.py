@@ -6,7 +6,7 @@ import bpy
 
 from ..capture.live_capture import running_capture
 from ..jobs import activity
-from ..preferences import preferences
+from ..preferences import body_network, preferences
 from ..preferences.paths import ADDON
 from ..preferences.property_kinds import draw_props, property_column
 from ..preferences.sidebar_tab import SidebarPanel
@@ -27,13 +27,17 @@ class PERFANIM_PT_guide(SidebarPanel, bpy.types.Panel):
     def draw_header_preset(self, context: bpy.types.Context) -> None:
         row = self.layout.row()
         number, *_ = guide_steps.next_step(settings(context))
-        row.label(text=header_status(context, self.bl_label, f"step {number + 1} of {len(guide_steps.STEPS)}"))
+        row.label(
+            text=header_status(
+                context, self.bl_label, f"step {number + 1} of {len(guide_steps.steps(settings(context)))}"
+            )
+        )
         row.separator()
 
     def draw(self, context: bpy.types.Context) -> None:
         layout, chosen = self.layout, settings(context)
         number, step, state = guide_steps.next_step(chosen)
-        done = ", ".join(step.title for step in guide_steps.STEPS[:number])
+        done = ", ".join(step.title for step in guide_steps.steps(chosen)[:number])
         draw_text(context, layout, f"Done: {done}" if done else "", "CHECKMARK")
         draw_text(context, layout, f"{number + 1}. {step.title}", "FORWARD")
         draw_text(context, layout, step.text(chosen), "BLANK1")
@@ -49,7 +53,9 @@ class PERFANIM_PT_guide(SidebarPanel, bpy.types.Panel):
         _draw_reflections(layout, chosen)
         draw_ignored(context, layout, chosen)
         name = step.operator(chosen)
-        if name:
+        if name == "get_body_network":
+            body_network.draw_buttons(layout)
+        elif name:
             layout.operator(f"perfanim.{name}", icon="PLAY")
         passing = step.passing(chosen)
         if passing:
@@ -81,6 +87,6 @@ def _draw_settings(layout: bpy.types.UILayout, chosen: Any, step: guide_steps.Gu
     if step is guide_steps.STEPS[0]:
         draw_source(layout, chosen)
     is_simulated, button = chosen.source == "SIMULATED", step.operator(chosen)
-    hidden = {"practise_fault": not is_simulated, "subject_height": button != "average_performer"}
+    hidden = {"practise_fault": not is_simulated, "subject_height": button not in ("average_performer", "check_setup")}
     hidden |= dict.fromkeys(_BOARD, is_simulated) | dict.fromkeys(_FOLDERS, button != "calibrate_cameras")
     draw_props(layout, chosen, *(name for name in step.drawn if not hidden.get(name)))

@@ -6,7 +6,7 @@ from typing import Any
 import bpy
 
 from ..capture.live_capture import running_capture
-from ..preferences import preferences
+from ..preferences import body_network, preferences
 from ..preferences.paths import ADDON
 from ..preferences.property_kinds import draw_props, property_column
 from ..preferences.sidebar_tab import SidebarPanel
@@ -19,6 +19,8 @@ from .panel_drawing import draw_outcome, draw_text, header_status, job_of
 def draw_source(layout: bpy.types.UILayout, chosen: Any) -> None:
     """Draw the choice of source, and the source's settings."""
     layout.prop(chosen, "source")
+    if chosen.source in ("CAMERAS", "VIDEOS", "IMAGES"):
+        layout.prop(chosen, "follow")
     if chosen.source == "SIMULATED":
         draw_props(layout, chosen, "behaviour", "practise")
     elif chosen.source == "CAMERAS":
@@ -89,6 +91,8 @@ class PERFANIM_PT_cameras(_Step, bpy.types.Panel):
 
     def draw_step(self, layout: bpy.types.UILayout, chosen: Any) -> None:
         draw_source(layout, chosen)
+        if readiness.follows_person(chosen) and body_network.problem():
+            body_network.draw_buttons(layout)
         if readiness.is_known(chosen) or not readiness.has_cameras(chosen):
             return
         layout.prop(chosen, "calibration")
@@ -123,6 +127,10 @@ class PERFANIM_PT_markers(_Step, bpy.types.Panel):
     state = staticmethod(readiness.markers)
     key = "markers"
 
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return not readiness.follows_person(settings(context))
+
     def draw_step(self, layout: bpy.types.UILayout, chosen: Any) -> None:
         row = layout.row()
         row.enabled = not chosen.marker_set_file
@@ -151,7 +159,7 @@ class PERFANIM_PT_subject(_Step, bpy.types.Panel):
         row.operator_menu_enum("perfanim.use_profile", "profile", text="", icon="COMMUNITY")
         box = layout.box().column()
         box.prop(chosen, "subject_name")
-        if not readiness.is_known(chosen) and readiness.has_cameras(chosen) and not readiness.is_one_camera(chosen):
+        if readiness.is_measured(chosen):
             if chosen.source == "CAMERAS":
                 draw_props(box, chosen, "countdown_s", "between_s")
             box.operator("perfanim.calibrate_performer", icon="OUTLINER_OB_ARMATURE")

@@ -10,6 +10,7 @@ _CAPTURE, _SKETCH = "capture-in-blender.html", "sketch-in-blender.html"
 # Patterns of operators and settings per page; the first match counts.
 _OPERATORS = (
     (f"{_CAPTURE}#guide", "show_cameras skip_step"),
+    ("people.html", "*body_network"),
     ("hardware.html#check-it", "check_setup ignore_reflections forget_ignored"),
     ("calibration.html#performer", "calibrate_performer calibrate_subject"),
     ("calibration.html#refine-by-a-take", "*refine*_performer"),
@@ -32,6 +33,7 @@ _SETTINGS = (
     ("vmc.html", "*sending* *receiving*"),
     (f"{_CAPTURE}#additional-targets", "*target*"),
     (f"{_CAPTURE}#takes-and-batches", "*result*"),
+    ("people.html", "*.follow"),
     (f"{_CAPTURE}#cameras", "*.board* *.threshold*"),
     ("wear-markers.html", "*.marker*"),
     (f"{_CAPTURE}#markers-and-subject", "*.subject*"),

@@ -7,7 +7,7 @@ import bpy
 
 from ...core.solver.settings import METHODS
 from ...core.vision.sources.source_requests import CameraControls
-from . import diagnostics_ui, sidebar_tab
+from . import body_network, diagnostics_ui, sidebar_tab
 from .paths import ADDON, CHOSEN_FOLDERS, folder_problem
 from .property_kinds import choice, draw_props, file_path, folder_path, number, pointer, string, switch, whole_number
 from .sidebar_tab import DEFAULT_TAB
@@ -87,6 +87,7 @@ class PERFANIM_AP_preferences(bpy.types.AddonPreferences):
         draw_props(_section(layout, "New Files and Captures"), self, "marker_set", "database", "method")
         draw_props(_section(layout, "Worker"), self, "worker_python", "workers")
         draw_camera_controls(layout, self)
+        body_network.draw(_section(layout, "Body Network"))
         diagnostics_ui.draw(_section(layout, "Diagnostics"))
 
 

@@ -31,6 +31,11 @@ SOURCES = (
     ("VMC", "Trackers (VMC)", "Trackers or markers sent by another program over the Virtual Motion Capture protocol"),
 )
 
+FOLLOWED = (
+    ("MARKERS", "Markers", "Reflective markers on the performer: the most accurate"),
+    ("PERSON", "Person", "A person in everyday clothes, without markers, found by a neural network"),
+)
+
 FEET = (
     ("off", "Free", "Do not lock the feet"),
     ("auto", "Auto", "Lock a standing foot until it lifts or moves off"),
@@ -131,6 +136,7 @@ class PERFANIM_PG_settings(bpy.types.PropertyGroup):
     # Cameras panel: source of the images
     source: choice("Source", "Source of the images or trackers", SOURCES, "SIMULATED")
     behaviour: choice("Behaviour", "Motion of the simulated performer", BEHAVIOURS, "demo")
+    follow: choice("Follow", "What is found in the pictures of the cameras", FOLLOWED, "MARKERS")
     practise: switch(
         "Practise Calibration", "Treat the simulated cameras and performer as real: calibrate them before the capture"
     )
@@ -267,8 +273,8 @@ class PERFANIM_PG_settings(bpy.types.PropertyGroup):
     armature: armature_pointer("Armature to animate; empty adds a new character at the start")
     capture_preview: switch(
         "Preview",
-        "Show the camera images while capturing. Markers are green if seen by both cameras, orange by one; "
-        "other blobs are red",
+        "Show the camera images while capturing. Markers, or points of the person, are green if seen by both "
+        "cameras, orange by one; others are red",
     )
     overlay: choice(
         "Overlay",

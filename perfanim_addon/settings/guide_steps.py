@@ -11,6 +11,7 @@ from .readiness import StepState, StepStatus
 
 _PICTURES = (
     "source",
+    "follow",
     "practise",
     "practise_fault",
     "left_device",
@@ -38,6 +39,7 @@ class GuideStep:
     state: Callable[[Any], StepStatus]
     drawn: tuple[str, ...] = ()  # settings shown above the button
     passing: Callable[[Any], str] = lambda settings: ""  # label of the button that skips an optional step
+    follows: str = ""  # the step is only for this choice of `follow`
 
 
 @dataclass
@@ -100,11 +102,18 @@ def space(settings: Any) -> str:
 
 def next_step(settings: Any) -> tuple[int, GuideStep, StepStatus]:
     """Return index, step and status of the first step that is not done."""
-    for number, step in enumerate(STEPS[:-1]):
+    chosen = steps(settings)
+    for number, step in enumerate(chosen[:-1]):
         state = step.state(settings)
         if not state.ready and seen.skipped.get(step.title) != _pictures(settings):
             return number, step, state
-    return len(STEPS) - 1, STEPS[-1], _TODO
+    return len(chosen) - 1, chosen[-1], _TODO
+
+
+def steps(settings: Any) -> tuple[GuideStep, ...]:
+    """Return the steps for markers, or those for a person without markers."""
+    follows = "PERSON" if readiness.follows_person(settings) else "MARKERS"
+    return tuple(step for step in STEPS if step.follows in ("", follows))
 
 
 def _pictures(settings: Any) -> tuple[Any, ...]:
@@ -163,8 +172,7 @@ def _calibrating(settings: Any) -> str:
 
 
 def _measuring(settings: Any) -> str:
-    measured = readiness.has_cameras(settings) and not readiness.is_one_camera(settings)
-    return "calibrate_performer" if measured else "average_performer"
+    return "calibrate_performer" if readiness.is_measured(settings) else "average_performer"
 
 
 def _calibrating_text(settings: Any) -> str:
@@ -198,6 +206,7 @@ EXPOSURE = GuideStep(
     _exposure,
     ("practise_fault",),
     passing=_SKIP,
+    follows="MARKERS",
 )
 
 STEPS = (
@@ -212,6 +221,14 @@ STEPS = (
         ),
     ),
     EXPOSURE,
+    GuideStep(
+        "Body Network",
+        _always("A neural network finds you in the pictures. It is downloaded once, or taken from a file."),
+        _always("get_body_network"),
+        "cameras",
+        readiness.network,
+        follows="PERSON",
+    ),
     GuideStep(
         "Calibrate",
         _calibrating_text,
@@ -242,6 +259,20 @@ STEPS = (
         _worn,
         ("marker_set", "practise_fault"),
         passing=_SKIP,
+        follows="MARKERS",
+    ),
+    GuideStep(
+        "Person",
+        _live_or_recorded(
+            "Type your height. Click, then walk about where both cameras see you from head to foot.",
+            "Type the height of the person and click. The recording should show the whole body.",
+        ),
+        _always("check_setup"),
+        "guide",
+        _worn,
+        ("subject_height",),
+        passing=_SKIP,
+        follows="PERSON",
     ),
     GuideStep(
         "Performer",

@@ -2,7 +2,7 @@
 
 import glob
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 from functools import partial
 from pathlib import Path
@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from ...core.body.standard_skeleton import default_skeleton
 from ...core.database.store import DATABASE_SUFFIX, OLD_DATABASE_SUFFIX, open_database
 from ...core.errors import CaptureError, PerfanimError, SubjectError
 from ...core.geometry.camera import CameraRig
@@ -19,9 +20,12 @@ from ...core.markers.prop import Prop, load_prop
 from ...core.markers.subject import Subject, load_subject
 from ...core.system.files import exists
 from ..character.retarget_plans import map_problem
+from ..preferences import body_network
 from ..preferences.paths import absolute, user_folder
 from .camera_choice import NETWORK, NONE, address_problem
 from .vmc_settings import receiving_problem
+
+KEYPOINTS = "blazepose-33"  # marker set of the body network's points
 
 
 class StepState(Enum):
@@ -99,13 +103,28 @@ def found(load: Callable[[Any], Any], source: Any) -> Any:
 
 
 def marker_set_source(settings: Any) -> str:
-    """Return the name of the chosen marker set, or its file."""
+    """Return the name of the chosen marker set, or its file; of a person without markers, those of the network."""
+    if follows_person(settings):
+        return KEYPOINTS
     return absolute(settings.marker_set_file) or str(settings.marker_set)
 
 
 def marker_set(settings: Any) -> MarkerSet:
     """Return the chosen marker set; PerfanimError if its file is damaged."""
     return _loaded("marker set", load_marker_set, marker_set_source(settings))
+
+
+def follows_person(settings: Any) -> bool:
+    """Return True if a person without markers is followed."""
+    return bool(settings.follow == "PERSON" and settings.source in ("CAMERAS", "VIDEOS", "IMAGES"))
+
+
+def network(_settings: Any) -> StepStatus:
+    """Return the status of the body network."""
+    if problem := body_network.problem():
+        advice = "click Get Body Network under Cameras, or open its file"
+        return StepStatus(StepState.TO_DO, "no body network", f"{problem}: {advice}")
+    return ready("body network")
 
 
 def is_known(settings: Any) -> bool:
@@ -119,8 +138,16 @@ def has_cameras(settings: Any) -> bool:
 
 
 def worn_subject(settings: Any) -> Subject:
-    """Return the chosen subject with the chosen markers; PerfanimError if they do not fit together."""
-    return subject(absolute(settings.subject)).wearing(marker_set(settings))
+    """Return the chosen subject with the chosen markers; PerfanimError if they do not fit together.
+
+    A person without markers has a body of average proportions unless a performer is chosen, whose bones are used.
+    """
+    if not follows_person(settings):
+        return subject(absolute(settings.subject)).wearing(marker_set(settings))
+    if not settings.subject:
+        return Subject(settings.subject_name, default_skeleton(settings.subject_height), marker_set(settings))
+    known = subject(absolute(settings.subject))
+    return known if known.marker_set.name == KEYPOINTS else replace(known, marker_set=marker_set(settings))
 
 
 def starter_database_path() -> Path:
@@ -171,6 +198,11 @@ def cameras(settings: Any) -> StepStatus:
         return source
     if not settings.calibration:
         return _not_calibrated("calibrate the cameras, or open a calibration, under Cameras")
+    if follows_person(settings):
+        if is_one_camera(settings):
+            return faulty("needs two cameras", "a person without markers needs two cameras: choose a second one")
+        if not (found_network := network(settings)).ready:
+            return found_network
     try:
         calibrated = rig(absolute(settings.calibration))
     except PerfanimError as error:
@@ -234,6 +266,12 @@ def is_one_camera(settings: Any) -> bool:
     return alone or (calibrated is not None and len(calibrated) == 1)
 
 
+def is_measured(settings: Any) -> bool:
+    """Return True if the cameras can measure the performer in calibration poses."""
+    measures = has_cameras(settings) and not is_one_camera(settings)
+    return measures and not is_known(settings) and not follows_person(settings)
+
+
 def source_paths(settings: Any) -> tuple[str, ...]:
     """Return the names of the settings that hold the files of the cameras in use."""
     both = {"VIDEOS": ("left_video", "right_video"), "IMAGES": ("left_folder", "right_folder")}
@@ -253,14 +291,15 @@ def performer(settings: Any) -> StepStatus:
     if not settings.subject:
         if is_known(settings):
             return ready("simulated")
-        is_measured = has_cameras(settings) and not is_one_camera(settings)
-        how = "calibrate the performer" if is_measured else "use an average body"
+        if follows_person(settings):
+            return ready(f"{settings.subject_height:.2f} m, average body")
+        how = "calibrate the performer" if is_measured(settings) else "use an average body"
         return _not_calibrated(f"{how}, or open a subject file, under Subject")
     try:
         chosen = subject(absolute(settings.subject))
     except PerfanimError as error:
         return faulty("bad file", error)
-    worn = found(marker_set, settings)
+    worn = None if follows_person(settings) else found(marker_set, settings)
     try:
         chosen.wearing(worn or chosen.marker_set)  # a damaged marker set is reported by its own step
     except SubjectError as error:

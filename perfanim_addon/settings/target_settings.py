@@ -111,8 +111,11 @@ def check_object(target: bpy.types.Object | None) -> None:
 
 
 def props(scene: bpy.types.Scene) -> list[Prop]:
-    """Return the props among a scene's targets; PerfanimError if a definition is invalid."""
-    return [prop_of(entry) for entry in of_kind(scene, "PROP")]
+    """Return the props among a scene's targets; PerfanimError if a definition is invalid, or nothing wears markers."""
+    found = [prop_of(entry) for entry in of_kind(scene, "PROP")]
+    if found and readiness.follows_person(scene.perfanim):
+        raise SettingsError("props are found by their markers", advice="remove the props, or follow markers")
+    return found
 
 
 def performers(scene: bpy.types.Scene) -> list[Subject]:
@@ -132,6 +135,9 @@ def performers(scene: bpy.types.Scene) -> list[Subject]:
             reason = map_problem(entry.armature)
             if reason:
                 raise CharacterError(reason, where=entry.armature.name)
+    if found and readiness.follows_person(scene.perfanim):
+        advice = "remove the additional performers, or follow markers"
+        raise SettingsError("without markers only one person is followed", advice=advice)
     if found and (readiness.is_one_camera(scene.perfanim) or not readiness.has_cameras(scene.perfanim)):
         what = "one camera cannot" if readiness.has_cameras(scene.perfanim) else "trackers cannot"
         raise SettingsError(f"{what} tell several performers apart", advice="use two cameras")

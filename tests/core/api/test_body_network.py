@@ -8,6 +8,7 @@ from types import SimpleNamespace
 import pytest
 from perfanim.core.api.body_network import get_body_network
 from perfanim.core.errors import CaptureError, DownloadError
+from perfanim.core.system import pip_process
 from perfanim.core.system.user_folder import cache_folder
 from perfanim.core.vision.people import network_file
 from perfanim.core.vision.people.network_file import NETWORK_FILE, body_network_file
@@ -73,3 +74,13 @@ def test_why_pip_fails_is_told(monkeypatch, folder):
     with pytest.raises(DownloadError, match=r"pip does not bring mediapipe==0.10.14 \(ERROR: no matching distribution"):
         get_body_network()
     assert not folder.exists()
+
+
+@pytest.mark.parametrize("is_installed", [True, False])
+def test_pip_runs_where_it_is_not_installed(monkeypatch, is_installed):
+    if not is_installed:  # as in Blender's own Python, which brings pip as a wheel
+        monkeypatch.setattr(pip_process, "find_spec", lambda _: None)
+    command = pip_process.pip_command()
+    assert ("-m" in command) == is_installed
+    said = subprocess.run([*command, "--version"], capture_output=True, text=True, check=True).stdout
+    assert said.startswith("pip ")

@@ -5,13 +5,13 @@ import json
 import cv2
 import numpy as np
 import pytest
-from perfanim.core.vision.people.network_file import body_network_file
 from perfanim.core.body.skeleton import forward_kinematics
 from perfanim.core.cli.main import main
 from perfanim.core.formats.markers.marker_files import read_take
 from perfanim.core.formats.motion.read_motion import read_motion
 from perfanim.core.geometry.rig_file import save_rig
 from perfanim.core.simulate.studio.studio_rig import default_rig
+from perfanim.core.vision.people.network_file import body_network_file
 
 
 @pytest.fixture

@@ -3,10 +3,10 @@
 import cv2
 import numpy as np
 import pytest
-from perfanim.core.vision.people.network_file import NETWORK_FILE, body_network_file
 from perfanim.core.errors import CaptureError
 from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.vision.people.body_network import BlazePose, Crop
+from perfanim.core.vision.people.network_file import NETWORK_FILE, body_network_file
 from perfanim.core.vision.people.person_follower import PersonFollower
 
 

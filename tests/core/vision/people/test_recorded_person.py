@@ -6,13 +6,13 @@ from statistics import fmean
 
 import numpy as np
 import pytest
-from perfanim.core.vision.people.network_file import body_network_file
 from perfanim.core.api.solving import solve
 from perfanim.core.body.skeleton import forward_kinematics
 from perfanim.core.geometry.camera import CameraRig
 from perfanim.core.geometry.rig_file import load_rig
 from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.vision.people.body_network import BlazePose
+from perfanim.core.vision.people.network_file import body_network_file
 from perfanim.core.vision.people.people_pipeline import PeoplePipeline, PersonLocator
 from perfanim.core.vision.sources.source_kinds import open_image_source
 from perfanim.core.vision.tracked_take import labelled_take

@@ -1,0 +1,115 @@
+"""A person without markers in the jobs that watch cameras: with a replaced network, and what is told without one."""
+
+import threading
+from itertools import cycle
+from types import SimpleNamespace
+
+import cv2
+import numpy as np
+import pytest
+from filmed_people import POINTS, keypoints, moments, networks
+from perfanim.core.errors import CaptureError
+from perfanim.core.simulate.studio.studio_rig import default_rig
+from perfanim.core.vision.people.network_file import NETWORK_FILE
+from perfanim.core.vision.people.people_pipeline import APART
+from perfanim.core.vision.sources.source_requests import ImageFiles
+from perfanim.core.worker.jobs import camera_frames, check_setup, person_pipeline
+from perfanim.core.worker.requests import CamerasRequest, CheckSetupRequest
+
+COUNT = 12
+RIG = default_rig()
+SIDES = ("left", "right")
+
+
+@pytest.fixture(scope="module")
+def points_m(truth):
+    return keypoints(truth)[:COUNT]
+
+
+@pytest.fixture
+def pictures(tmp_path):
+    """Folders of both cameras with pictures that the replaced networks know by their first pixel."""
+    for images in moments(RIG, COUNT):
+        for side, image in zip(SIDES, images.images, strict=True):
+            (tmp_path / side).mkdir(exist_ok=True)
+            assert cv2.imwrite(str(tmp_path / side / f"{images.number:03d}.png"), np.maximum(image, 0))
+    return ImageFiles(tuple(str(tmp_path / side) for side in SIDES), fps=30.0)
+
+
+@pytest.fixture
+def nets(monkeypatch, points_m):
+    """The networks that find the person in these pictures, in place of BlazePose."""
+    made = networks(RIG, points_m)
+    following = cycle(made)
+    monkeypatch.setattr(person_pipeline, "BlazePose", lambda _path: next(following))
+    return made
+
+
+def run(job, request):
+    """Return what a job sends: frames, pictures, texts of its state, warnings, and results."""
+    sent = SimpleNamespace(frames=[], pictures=[], said=[], warnings=[], results=[])
+    channel = SimpleNamespace(
+        stop_requested=threading.Event(),
+        slowness=SimpleNamespace(add=lambda *_: None),
+        send_frame=lambda _stamp_s, frame: sent.frames.append(frame),
+        send_preview=sent.pictures.append,
+        send_status=lambda text, *_: sent.said.append(text),
+        send_warning=sent.warnings.append,
+        send_result=sent.results.append,
+    )
+    job.run(request, channel)
+    return sent
+
+
+def test_frames_have_the_labelled_points_of_the_person(nets, pictures, points_m):
+    sent = run(camera_frames, CamerasRequest(source=pictures, rig=RIG, people="network", preview=True))
+    assert len(sent.frames) == COUNT
+    for frame, row in zip(sent.frames, points_m, strict=True):
+        assert frame.labels.tolist() == list(range(len(POINTS)))
+        np.testing.assert_allclose(frame.points_m, row, atol=1e-5)
+        assert frame.notes == ()
+    assert sent.said == ["opening the cameras", "waiting for images"]  # no background is learned
+    assert all(net.calls > COUNT for net in nets)  # each camera has its own network
+    greenest = sent.pictures[0].astype(int)
+    assert np.count_nonzero(greenest[..., 1] - greenest[..., 0] > 100) > 100  # the skeleton's points
+
+
+def test_a_camera_without_a_person_is_told_with_each_frame(nets, pictures):
+    nets[0].pixels.clear()
+    sent = run(camera_frames, CamerasRequest(source=pictures, rig=RIG, people="network"))
+    assert {frame.notes for frame in sent.frames} == {("the left camera shows nobody",)}
+
+
+def test_a_cut_to_another_room_is_told(nets, pictures):
+    """From the seventh moment on, the right camera shows a person who stands elsewhere."""
+    for n in range(6, COUNT):
+        pixels = nets[1].pixels[10 * n + 1]
+        nets[1].pixels[10 * n + 1] = 0.7 * pixels + 0.3 * pixels.mean(axis=0) + (0.0, 60.0)
+    sent = run(camera_frames, CamerasRequest(source=pictures, rig=RIG, people="network"))
+    assert [APART in frame.notes for frame in sent.frames] == [False] * 6 + [True] * 6
+
+
+@pytest.mark.parametrize(("content", "text"), [(None, "there is no body network"), (b"damaged", "is damaged, or not")])
+def test_a_network_that_cannot_be_used_is_told_before_the_cameras_open(pictures, tmp_path, content, text):
+    path = tmp_path / NETWORK_FILE
+    if content is not None:
+        path.write_bytes(content)
+    with pytest.raises(CaptureError, match=text):
+        run(camera_frames, CamerasRequest(source=ImageFiles(("no", "folders")), rig=RIG, people=str(path)))
+
+
+def test_cameras_that_are_not_calibrated_are_told(nets, pictures):
+    with pytest.raises(CaptureError, match="the cameras are not calibrated; calibrate them first"):
+        run(camera_frames, CamerasRequest(source=pictures, people="network"))
+
+
+def test_the_check_draws_the_person_and_names_the_fault(nets, pictures, monkeypatch):
+    monkeypatch.setattr(check_setup, "_SETTINGS", check_setup.CheckSettings(person_fps=30.0))
+    asked = {"source": pictures, "rig": RIG, "people": "network", "marker_set": POINTS.name}
+    sent = run(check_setup, CheckSetupRequest(**asked))
+    (result,) = sent.results
+    assert [row["fault"] for row in result["findings"]] == ["too dark", "too dark"]  # these pictures are black
+    assert "walk about" in sent.said
+    nets[0].pixels.clear()
+    (result,) = run(check_setup, CheckSetupRequest(**asked)).results
+    assert [row["fault"] for row in result["findings"]] == ["nobody in view", "too dark"]
