@@ -12,7 +12,7 @@ from markdown_it.token import Token
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 PAGES = (
     "hardware", "wear-markers", "calibration", "capture-in-blender", "motion-data", "when-it-looks-wrong",
-    "marker-takes", "batch", "sketch-in-blender", "sketch", "export", "vmc",
+    "people", "marker-takes", "batch", "sketch-in-blender", "sketch", "export", "vmc",
 )  # fmt: skip
 _FRAME = """<!DOCTYPE html>
 <html lang="en"><head><meta charset="utf-8"><title>{title} - Perfanim</title><style>
