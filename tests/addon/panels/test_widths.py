@@ -41,6 +41,7 @@ def problems(panels: list[type]) -> dict[str, list[Problem]]:
 @pytest.mark.parametrize("more", [False, True])
 def test_panels_of_each_source(panels: list[type], chosen: Any, source: str, more: bool) -> None:
     chosen.source, chosen.practise, chosen.board_timed = source, more, more
+    chosen.follow = "PERSON" if more else "MARKERS"
     chosen.threshold_auto, chosen.board_kind = not more, "CHARUCO" if more else "CHESSBOARD"
     chosen.left_video = chosen.calibration = "/no/such/place/of/a/file-with-a-long-name.toml" if more else ""
     assert len(panels) > 12
