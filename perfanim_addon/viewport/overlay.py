@@ -13,6 +13,7 @@ from ...core.body.scene_pose import PerformerPose, ScenePose
 from ...core.body.skeleton import Skeleton, forward_kinematics
 from ...core.geometry.arrays import Array
 from ...core.geometry.camera import CameraRig
+from ...core.markers.marker_set import MarkerSet, PointKind
 from ...core.markers.subject import Subject
 from ...core.simulate.studio.studio_rig import default_rig
 from ...core.vision.common_space import CommonSpace, common_space
@@ -51,13 +52,18 @@ class Scene:
         """Return the overlay scene of a capture; without a calibration it has the simulated cameras."""
         rig = calibration or default_rig()
         cameras_m = np.array([camera.centre_m for camera in rig.cameras])
-        bodies = tuple((subject.skeleton, subject.marker_set.names) for subject in performers)
+        bodies = tuple((subject.skeleton, _names(subject.marker_set)) for subject in performers)
         return cls(bodies, cameras_m, placed, rig if simulated or "floor" in rig.metadata else None)
 
     @cached_property
     def space(self) -> CommonSpace | None:
         """Part of the floor in view of all cameras; None if the floor is unknown."""
         return common_space(self.rig) if self.rig else None
+
+
+def _names(marker_set: MarkerSet) -> tuple[str, ...]:
+    """Return the names of a set's markers; those of keypoints are empty, because they are many and close together."""
+    return ("",) * len(marker_set) if marker_set.points is PointKind.KEYPOINTS else marker_set.names
 
 
 @dataclass
@@ -191,7 +197,7 @@ def _add_markers(
                 shapes.line(start, end, STYLE.ray, _RAY_COLOUR)
         if np.isfinite(place).all():
             (shapes.dot if located[index] else shapes.ring)(place, STYLE.dot, colour)
-            names.append((name, place))
+            names += [(name, place)] if name else []
     return names
 
 

@@ -65,6 +65,15 @@ def test_markers_are_dots_rings_and_lines_to_the_camera_that_alone_sees_them() -
         np.testing.assert_allclose(place, PX * marker_m[:2])
 
 
+def test_keypoints_are_drawn_without_their_names() -> None:
+    worn = load_marker_set("blazepose-33").subset(("left_shoulder", "right_shoulder", "left_hip"))
+    performer = Subject("Anna", SKELETON, worn)
+    scene = overlay.Scene.of([performer], None, lambda points_m: points_m)
+    shapes, names = overlay.shapes_of(scene, ScenePose((pose(),)), frozenset({"MARKERS"}), from_the_front, 1.0)
+    assert reached(shapes, SEEN_M, 0.1)
+    assert names == []
+
+
 def test_names_that_had_to_go_away_have_a_line_to_their_markers(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(overlay.viewport_drawing, "text_width", lambda line, size: 0.6 * size * len(line))
     for apart_px, has_line in ((200.0, False), (3.0, True)):
