@@ -1,5 +1,6 @@
 """From images of two and three cameras to a person's labelled points."""
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
@@ -8,7 +9,7 @@ from filmed_people import OTHERS, POINTS, keypoints, moments, networks, picture
 from perfanim.core.errors import CaptureError
 from perfanim.core.geometry.camera import CameraRig
 from perfanim.core.simulate.studio.studio_rig import default_rig
-from perfanim.core.vision.people.people_pipeline import PeoplePipeline, PersonLocator
+from perfanim.core.vision.people.people_pipeline import APART, PeoplePipeline, PersonLocator
 from perfanim.core.vision.pipeline import check_images
 from perfanim.core.vision.sources.image_set import ImageSet
 
@@ -53,6 +54,35 @@ def test_a_camera_that_shows_nobody_is_told_and_leaves_rays(points_m):
     assert frame.single_labels.tolist() == list(range(len(POINTS))) and set(frame.single_cameras.tolist()) == {0}
     again = rig.cameras[0].project(points_m[-1])
     np.testing.assert_allclose(frame.blobs[0][frame.single_blobs, :2], again, atol=1e-3)
+
+
+def test_a_frozen_camera_is_left_out_and_only_its_source_tells(points_m):
+    rig = default_rig()
+    pipeline = PeoplePipeline(rig, networks(rig, points_m))
+    pipeline.process(moments(rig, 1)[0])
+    frozen = replace(moments(rig, 2)[1], usable=(True, False), notes=("the right camera froze",))
+    frame = pipeline.process(frozen)
+    assert frame.notes == ("the right camera froze",)
+    assert [len(rows) for rows in frame.detected] == [len(POINTS), 0]
+    assert np.isnan(frame.camera_times_s[1]) and len(frame.points_m) == 0
+    assert set(frame.single_cameras.tolist()) == {0}
+
+
+def test_cameras_that_see_different_people_are_told(points_m):
+    rig = default_rig()
+    nets = networks(rig, points_m)
+    for pixels in nets[1].pixels.values():
+        pixels[:, 1] += 60.0
+    assert {frame.notes for frame in frames(rig, nets, 5)} == {(APART,)}
+
+
+def test_cameras_are_looked_at_beside_each_other_with_the_same_result(points_m):
+    rig = default_rig(3)
+    one_by_one = frames(rig, networks(rig, points_m, 2.0), 5)
+    with ThreadPoolExecutor(2) as others:
+        pipeline = PeoplePipeline(rig, networks(rig, points_m, 2.0), others=others)
+        for frame, images in zip(one_by_one, moments(rig, 5), strict=True):
+            np.testing.assert_array_equal(pipeline.process(images).points_m, frame.points_m)
 
 
 def test_exchanged_legs_of_one_camera_are_put_right(points_m):

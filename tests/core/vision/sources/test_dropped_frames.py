@@ -1,5 +1,7 @@
 """Frames that a camera leaves out are left out of the numbering too."""
 
+import threading
+import time
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +12,7 @@ from perfanim.core.errors import CaptureError
 from perfanim.core.vision.sources import camera_source, video_source
 from perfanim.core.vision.sources.camera_source import CameraSource
 from perfanim.core.vision.sources.image_set import next_number
+from perfanim.core.vision.sources.source_settings import SOURCES
 from perfanim.core.vision.sources.video_source import VideoSource
 
 PICTURE = np.zeros((48, 64, 3), np.uint8)
@@ -66,6 +69,31 @@ def test_camera_frames_are_numbered_by_the_clock(monkeypatch: pytest.MonkeyPatch
     numbers = [image_set.number for _, image_set in zip(KEPT, source, strict=False)]
     source.close()
     assert numbers == KEPT
+
+
+@pytest.mark.parametrize(("held", "second"), [(SOURCES.held, KEPT[1]), (1, KEPT[-1])])
+def test_images_that_wait_are_dropped_where_only_the_newest_counts(
+    held: int, second: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    more = threading.Event()
+
+    class Waiting(PlayedCapture):
+        def grab(self) -> bool:
+            if self.taken == 1:
+                more.wait()
+            return super().grab()
+
+    played = Waiting(TIMES_S)
+    monkeypatch.setattr(camera_source, "_open", lambda *_: (played, PICTURE))
+    monkeypatch.setattr(camera_source, "time", played)
+    source = CameraSource([0], held=held)
+    sets = iter(source)
+    assert next(sets).number == 0
+    more.set()  # while this set is processed, the other images come
+    while played.taken < len(TIMES_S):
+        time.sleep(0.001)
+    assert next(sets).number == second
+    source.close()
 
 
 def test_video_frames_are_numbered_by_time_stamps(monkeypatch: pytest.MonkeyPatch) -> None:
