@@ -212,6 +212,10 @@ class CheckSetupRequest(CamerasRequest):
         tuple[tuple[float, float, float], ...],
         About("camera, x and y (px) of places to ignore if no calibration of the source lists them"),
     ] = ()
+    floor_out: Annotated[
+        str,
+        About("calibration to write with the floor below a person's feet, if the present one has no floor"),
+    ] = ""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -8,7 +8,7 @@ from ...core.geometry.arrays import Image
 from ...core.subjects.setup_check.finding import Fault
 from ...core.worker.requests import CheckSetupRequest, ShowCamerasRequest
 from ..capture import capture_request
-from ..preferences.paths import absolute
+from ..preferences.paths import absolute, user_folder
 from ..preferences.property_kinds import HIDDEN, whole_number
 from ..settings import camera_choice, guide_steps, ignored_places, readiness
 from ..settings.capture_settings import settings
@@ -76,10 +76,12 @@ class PERFANIM_OT_check_setup(_PictureJob, bpy.types.Operator):
             people=capture_request.people(chosen),
             fault=str(Fault[chosen.practise_fault]) if is_practice else "",
             ignored=tuple(ignored_places.ignored(chosen)),
+            floor_out=str(user_folder("calibrations") / "cameras-on-floor.toml"),
         )
 
     def on_result(self, context: bpy.types.Context, summary: dict[str, Any]) -> str:
         chosen = settings(context)
+        chosen.calibration = summary.get("calibration", chosen.calibration)
         guide_steps.keep_check(chosen, summary)
         if summary["findings"]:
             named = ", ".join(dict.fromkeys(str(row["fault"]) for row in summary["findings"]))
@@ -89,7 +91,7 @@ class PERFANIM_OT_check_setup(_PictureJob, bpy.types.Operator):
         if space:
             self.keep_picture(space)
             overlay.show_space(readiness.rig(absolute(chosen.calibration)))
-        return "; ".join(filter(None, ("no fault was found", space)))
+        return "; ".join(filter(None, ("no fault was found", space, summary.get("floor_advice"))))
 
 
 class PERFANIM_OT_ignore_reflections(PanelOperator, bpy.types.Operator):

@@ -167,6 +167,16 @@ def _live_or_recorded(live: str, recorded: str) -> Callable[[Any], str]:
     return lambda settings: recorded if settings.source in ("VIDEOS", "IMAGES") else live
 
 
+def _floor_text(settings: Any) -> str:
+    is_recorded = settings.source in ("VIDEOS", "IMAGES")
+    if readiness.follows_person(settings):
+        otherwise = "skip this step" if is_recorded else "lay the board on the floor where you will stand"
+        return f"Check Setup finds the floor under the feet. If it did not, {otherwise}."
+    if is_recorded:
+        return "Recorded images set no floor here. Skip this step: the floor is found from the feet in the T pose."
+    return "Lay the board on the floor where you will stand."
+
+
 def _calibrating(settings: Any) -> str:
     return "calibrate_board" if settings.source in ("CAMERAS", "SIMULATED") else "calibrate_cameras"
 
@@ -238,11 +248,21 @@ STEPS = (
         ("board_columns", "board_rows", "board_square_mm", "board_left", "board_right"),
     ),
     GuideStep(
-        "Floor",
+        "Person",
         _live_or_recorded(
-            "Lay the board on the floor where you will stand.",
-            "Recorded images set no floor here. Skip this step: the floor is found from the feet in the T pose.",
+            "Type your height. Click, then walk about where both cameras see you from head to foot.",
+            "Type the height of the person and click. The recording should show the whole body.",
         ),
+        _always("check_setup"),
+        "guide",
+        _worn,
+        ("subject_height",),
+        passing=_SKIP,
+        follows="PERSON",
+    ),
+    GuideStep(
+        "Floor",
+        _floor_text,
         _always("set_floor"),
         "cameras",
         _floor,
@@ -260,19 +280,6 @@ STEPS = (
         ("marker_set", "practise_fault"),
         passing=_SKIP,
         follows="MARKERS",
-    ),
-    GuideStep(
-        "Person",
-        _live_or_recorded(
-            "Type your height. Click, then walk about where both cameras see you from head to foot.",
-            "Type the height of the person and click. The recording should show the whole body.",
-        ),
-        _always("check_setup"),
-        "guide",
-        _worn,
-        ("subject_height",),
-        passing=_SKIP,
-        follows="PERSON",
     ),
     GuideStep(
         "Performer",

@@ -68,10 +68,14 @@ def check_setup(
     if found := scale_fault(poses, height_m):
         return found
     points_m = np.concatenate([frame.points_m for frame in frames])
-    has_floor = rig.cameras[0].centre_m[1] > 0.05  # without a floor, the first camera is at the origin
-    if len(points_m) and has_floor:
+    if len(points_m) and has_floor(rig):
         found = place_fault(rig, np.median(points_m, axis=0), height_m or DEFAULT_HEIGHT_M)
     return found or missing_fault(rig, poses, marker_set)
+
+
+def has_floor(rig: CameraRig) -> bool:
+    """Return whether the world's floor is y = 0: without a floor, the first camera is at the origin."""
+    return bool(rig.cameras[0].centre_m[1] > 0.05)
 
 
 def check_pictures(

@@ -1,8 +1,9 @@
 """Job: check light, cameras, and markers or a person without them, before a capture.
 
 The RESULT has "findings" (tables with "fault", "text" and "places") and "space" (where all cameras see a performer; ""
-without a calibration that knows the floor). The last PREVIEW shows rings around the places of the findings, with
-reflections numbered from 1 in the RESULT's order, crosses at ignored positions, and the space on the floor.
+without a calibration that knows the floor). If the floor was found under a person's feet, it has "calibration", the
+file with it; if it could not be found, "floor_advice". The last PREVIEW shows rings around the places of the findings,
+with reflections numbered from 1 in the RESULT's order, crosses at ignored positions, and the space on the floor.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -10,26 +11,32 @@ from contextlib import closing
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import islice
+from typing import Any
 
 import cv2
 import numpy as np
 
 from ...body.calibration_poses import INSTRUCTIONS
-from ...errors import CaptureError
+from ...errors import CalibrationError, CaptureError, TakeError
 from ...geometry.arrays import Image
 from ...geometry.camera import Camera, CameraRig
+from ...geometry.rig_file import save_rig
+from ...markers.floor_from_feet import floor_points
 from ...markers.marker_frame import MarkerFrame
 from ...markers.marker_set import load_marker_set
 from ...simulate.practice_studio import FPS, SECONDS, studio_with
 from ...simulate.studio.simulated_performer import SimulatedPerformer
-from ...subjects.setup_check.find_faults import check_pictures, check_setup
+from ...subjects.setup_check.find_faults import check_pictures, check_setup, has_floor
 from ...subjects.setup_check.finding import Fault, Finding
 from ...subjects.setup_check.person_faults import check_person
 from ...vision.blob_preview import cross_out, reduced
+from ...vision.calibration.rig_on_floor import rig_on_floor
 from ...vision.common_space import CommonSpace, common_space
 from ...vision.detection.background import learn_backgrounds
+from ...vision.people.people_pipeline import PeoplePipeline
 from ...vision.people.person_preview import draw_person
 from ...vision.sources.image_set import ImageSet
+from ...vision.tracked_take import labelled_take
 from ..channel import Channel, Stopped
 from ..open_source import open_source
 from ..requests import CheckSetupRequest
@@ -38,6 +45,8 @@ from .person_pipeline import open_networks
 from .preview_sender import Draw, PreviewSender
 from .record_board import camera_names
 from .record_pose import count_down
+
+Facts = dict[str, Any]
 
 
 @dataclass(frozen=True)
@@ -64,12 +73,12 @@ def run(request: CheckSetupRequest, channel: Channel) -> None:
         Stopped: A stop was requested meanwhile. PerfanimError: The source cannot be opened or used.
     """
     check = _check_person if request.people else _check_studio if request.fault else _check_source
-    findings, space = check(request, channel)
+    findings, space, facts = check(request, channel)
     rows = [{"fault": str(found.fault), "text": found.text, "places": found.places} for found in findings]
-    channel.send_result({"findings": rows, "space": space.text if space else ""})
+    channel.send_result({"findings": rows, "space": space.text if space else "", **facts})
 
 
-def _check_source(request: CheckSetupRequest, channel: Channel) -> tuple[list[Finding], CommonSpace | None]:
+def _check_source(request: CheckSetupRequest, channel: Channel) -> tuple[list[Finding], CommonSpace | None, Facts]:
     """Return the faults that the source's pictures show, and the space that its cameras see."""
     source_asked, rig = request.source, request.rig
     if isinstance(source_asked, SimulatedPerformer):
@@ -92,29 +101,47 @@ def _check_source(request: CheckSetupRequest, channel: Channel) -> tuple[list[Fi
             findings = check_setup(rig, backgrounds, moments, load_marker_set(request.marker_set))
         space = common_space(rig) if rig and "floor" in rig.metadata else None
         moments.show(findings, ignored, rig, space)
-    return findings, space
+    return findings, space, {}
 
 
-def _check_person(request: CheckSetupRequest, channel: Channel) -> tuple[list[Finding], CommonSpace | None]:
-    """Return the faults in how the cameras see a person without markers, and the space that they see."""
+def _check_person(request: CheckSetupRequest, channel: Channel) -> tuple[list[Finding], CommonSpace | None, Facts]:
+    """Return the faults in how the cameras see a person without markers, the space that they see, and the floor."""
     channel.send_status("opening the cameras")
     with open_networks(request) as pipeline, closing(open_source(request.source, newest=True)) as source:
-        rig, images = pipeline.rig, iter(source)
+        images = iter(source)
         if request.source.is_live:
             count_down(images, request.countdown_s, channel, _SETTINGS.place)
         spaced = _spaced(images, 1.0 / _SETTINGS.person_fps, SECONDS)
         watched = _Watched(spaced, _SETTINGS.person_fps, channel, pose_s=0.0)
+        frames: list[MarkerFrame] = []
 
         def moments() -> Iterator[tuple[ImageSet, MarkerFrame]]:
             for moment in watched:
-                frame = pipeline.process(moment)
-                watched.draw = partial(draw_person, frame, pipeline.points.names)
-                yield moment, frame
+                frames.append(pipeline.process(moment))
+                watched.draw = partial(draw_person, frames[-1], pipeline.points.names)
+                yield moment, frames[-1]
 
-        findings = check_person(rig, pipeline.points, moments())
+        findings = check_person(pipeline.rig, pipeline.points, moments())
+        rig, facts = (pipeline.rig, {}) if findings else _on_floor(request, pipeline, frames)
         space = common_space(rig) if "floor" in rig.metadata else None
         watched.show(findings, (), rig, space)
-    return findings, space
+    return findings, space, facts
+
+
+def _on_floor(
+    request: CheckSetupRequest, pipeline: PeoplePipeline, frames: Sequence[MarkerFrame]
+) -> tuple[CameraRig, Facts]:
+    """Return the cameras with the floor under the person's feet, and facts about it, unless they know the floor."""
+    rig, points = pipeline.rig, pipeline.points
+    if not request.floor_out or has_floor(rig):
+        return rig, {}
+    take = labelled_take(frames, points.names, "check", _SETTINGS.person_fps, rig)
+    try:
+        level = rig_on_floor(rig, floor_points(take, points))
+    except (TakeError, CalibrationError) as error:
+        return rig, {"floor_advice": str(error)}
+    save_rig(level, request.floor_out)
+    return level, {"calibration": request.floor_out}
 
 
 def _spaced(images: Iterable[ImageSet], apart_s: float, seconds: float) -> Iterator[ImageSet]:
@@ -132,7 +159,7 @@ def _spaced(images: Iterable[ImageSet], apart_s: float, seconds: float) -> Itera
             yield moment
 
 
-def _check_studio(request: CheckSetupRequest, channel: Channel) -> tuple[list[Finding], None]:
+def _check_studio(request: CheckSetupRequest, channel: Channel) -> tuple[list[Finding], None, Facts]:
     """Return the faults found in a simulated studio that has the requested fault."""
     fault = Fault(request.fault)
     channel.send_status(f"building a simulated studio: {fault}")
@@ -141,7 +168,7 @@ def _check_studio(request: CheckSetupRequest, channel: Channel) -> tuple[list[Fi
     rig = studio.rig.ignoring(request.ignored)
     findings = check_setup(rig, learn_backgrounds(studio.empty), moments, studio.marker_set, studio.height_m)
     moments.show(findings, rig.ignored.tolist())
-    return findings, None
+    return findings, None, {}
 
 
 class _Watched:

@@ -1,6 +1,7 @@
 """A person without markers in the jobs that watch cameras: with a replaced network, and what is told without one."""
 
 import threading
+from dataclasses import replace
 from itertools import cycle
 from types import SimpleNamespace
 
@@ -9,6 +10,8 @@ import numpy as np
 import pytest
 from filmed_people import POINTS, keypoints, moments, networks
 from perfanim.core.errors import CaptureError
+from perfanim.core.geometry.camera import WORLD_FROM_CAMERA, CameraRig
+from perfanim.core.geometry.rig_file import load_rig
 from perfanim.core.simulate.studio.studio_rig import default_rig
 from perfanim.core.vision.people.network_file import NETWORK_FILE
 from perfanim.core.vision.people.people_pipeline import APART
@@ -16,7 +19,7 @@ from perfanim.core.vision.sources.source_requests import ImageFiles
 from perfanim.core.worker.jobs import camera_frames, check_setup, person_pipeline
 from perfanim.core.worker.requests import CamerasRequest, CheckSetupRequest
 
-COUNT = 12
+COUNT = 40
 RIG = default_rig()
 SIDES = ("left", "right")
 
@@ -86,7 +89,7 @@ def test_a_cut_to_another_room_is_told(nets, pictures):
         pixels = nets[1].pixels[10 * n + 1]
         nets[1].pixels[10 * n + 1] = 0.7 * pixels + 0.3 * pixels.mean(axis=0) + (0.0, 60.0)
     sent = run(camera_frames, CamerasRequest(source=pictures, rig=RIG, people="network"))
-    assert [APART in frame.notes for frame in sent.frames] == [False] * 6 + [True] * 6
+    assert [APART in frame.notes for frame in sent.frames] == [False] * 6 + [True] * (COUNT - 6)
 
 
 @pytest.mark.parametrize(("content", "text"), [(None, "there is no body network"), (b"damaged", "is damaged, or not")])
@@ -101,6 +104,32 @@ def test_a_network_that_cannot_be_used_is_told_before_the_cameras_open(pictures,
 def test_cameras_that_are_not_calibrated_are_told(nets, pictures):
     with pytest.raises(CaptureError, match="the cameras are not calibrated; calibrate them first"):
         run(camera_frames, CamerasRequest(source=pictures, people="network"))
+
+
+def test_the_check_finds_the_floor_under_the_feet(nets, pictures, monkeypatch, tmp_path, points_m):
+    """The same cameras, whose heights and slopes are known or not."""
+    monkeypatch.setattr(check_setup, "_SETTINGS", check_setup.CheckSettings(person_fps=30.0))
+    monkeypatch.setattr(check_setup, "check_person", lambda _rig, _points, moments: list(moments)[:0])  # no faults
+    asked = {"source": pictures, "people": "network", "marker_set": POINTS.name}
+    (result,) = run(check_setup, CheckSetupRequest(**asked, rig=RIG, floor_out=str(tmp_path / "a.toml"))).results
+    assert "calibration" not in result and not (tmp_path / "a.toml").exists()  # this rig knows it
+    lost = in_first_cameras_world(RIG)
+    (result,) = run(check_setup, CheckSetupRequest(**asked, rig=lost, floor_out=str(tmp_path / "b.toml"))).results
+    assert result["calibration"] == str(tmp_path / "b.toml")
+    found = load_rig(tmp_path / "b.toml")
+    heights_m = [camera.centre_m[1] for camera in found.cameras]
+    np.testing.assert_allclose(heights_m, [camera.centre_m[1] for camera in RIG.cameras], atol=0.05)
+
+
+def in_first_cameras_world(rig):
+    """Return the rig with its first camera as the world's origin, as it is calibrated before the floor is known."""
+    first = rig.cameras[0]
+    cameras = []
+    for camera in rig.cameras:
+        rotation = camera.rotation @ first.rotation.T @ WORLD_FROM_CAMERA.T
+        translation_m = camera.translation_m - camera.rotation @ first.rotation.T @ first.translation_m
+        cameras.append(replace(camera, rotation=rotation, translation_m=translation_m))
+    return CameraRig(tuple(cameras))
 
 
 def test_the_check_draws_the_person_and_names_the_fault(nets, pictures, monkeypatch):
