@@ -60,7 +60,9 @@ _BENCHES = {
         "",
         ("seconds", "tick-ms", "fps", "database"),
     ),
-    "people": _Bench("time from pictures of a person to poses", "films cam01.mp4 and cam04.mp4, and Calib.qca.txt"),
+    "people": _Bench(
+        "a person followed by two cameras: joints, time to poses", "films cam01.mp4 ..., and Calib.qca.txt"
+    ),
     "retarget": _Bench("a walk and boxing on all characters of a folder; needs bpy", "folder of characters"),
     "setup-check": _Bench("faults that the check before a capture finds in random studios", "", ("studios", "seed")),
 }
