@@ -69,6 +69,7 @@ def test_two_films_of_a_person_drive_a_character(
     hand.shot("live")
     state = window.wait(lambda s: s["capture"]["activity"] is None and s["actions"], "end of the films", GUIDED_S)
     window.wait(lambda s: not s["preview"]["shown"], "end of the preview")
+    hand.find("Start Capture", sidebar=True)  # drawn again
     hand.shot("recorded")
     run = window.order("last_run")
     assert run["poses"] == run["distinct"] == 100
