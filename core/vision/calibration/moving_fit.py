@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...errors import CalibrationError, counted
+from ...errors import CalibrationError
 from ...geometry.arrays import Array, Mask
 from ...geometry.camera import Camera
 from ...geometry.triangulation import triangulate

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Protocol
 
 import numpy as np
@@ -27,6 +28,9 @@ class TargetSettings:
     bone_sigma_m: float = 0.01  # change of the distance of a person's points on one bone
     stick_sigma_m: float = 0.001  # the same for two markers on a stick
     marker_sigma_px: float = 0.3  # standard deviation of a marker's centre, with time and lens errors
+    # distance from ears to ankles of a person as tall as the default body, relative to that body's: the mean of the CMU
+    # subjects 03 to 16
+    usual_length: float = 0.99
     height_sigma: float = 0.03  # relative error of a size from a known height: proportions, shoes, the network's points
     usual_height_sigma: float = 0.06  # the same for an unknown height
     speed_s: float = 0.05  # velocities are measured over this time before and after
@@ -43,8 +47,9 @@ _BONES = (
 )  # fmt: skip
 _ACROSS = ("shoulder", "hip", "ear")  # pairs of points at a constant distance
 _FACE = ("nose", "left_eye", "right_eye", "mouth_left", "mouth_right")  # points at a constant distance from the ears
-# legs of the chain from ears to heels, whose length is a constant share of the height
-_CHAIN = (("ear", "shoulder"), ("shoulder", "hip"), ("hip", "knee"), ("knee", "ankle"), ("ankle", "heel"))
+# points from the ears to the ankles, whose distances along the body are a constant share of the height; those of the
+# trunk are halfway between left and right
+_TRUNK, _LEG = ("ear", "shoulder", "hip"), ("hip", "knee", "ankle")
 
 
 @dataclass(frozen=True)
@@ -121,7 +126,7 @@ class WalkingPerson:
         self._row = {name: row for row, name in enumerate(points.names)}
         self.bones = np.array([[self._row[a], self._row[b]] for a, b in _pairs() if {a, b} <= self._row.keys()])
         skeleton = default_skeleton(height_m or DEFAULT_HEIGHT_M)
-        self._length_m = self._chain_m(points.positions_on(skeleton, standing(skeleton))[None])
+        self._length_m = _S.usual_length * self._chain_m(points.positions_on(skeleton, standing(skeleton))[None])
 
     def sightings(self, cameras: Sequence[Camera] | None = None) -> Sightings:
         """Return the points; with cameras, left and right as they agree."""
@@ -132,18 +137,21 @@ class WalkingPerson:
         return tracks.sampled(_S.independent_s, self.bones, _S.bone_sigma_m)
 
     def scale(self, bundle: PointBundle) -> float:
-        """Return the ratio of the usual distance from ears to heels, along the body, to that in a bundle."""
+        """Return the ratio of the usual distance from ears to ankles, along the body, to that in a bundle."""
         seen = bundle.sightings.seen.any(axis=1)
         return self._length_m / self._chain_m(np.where(seen[..., None], bundle.points_m, np.nan))
 
     def _chain_m(self, points_m: Array) -> float:
-        """Return the length of the chain from ears to heels over points (F, K, 3), the mean of both sides."""
-        total_m = 0.0
-        for side in ("left", "right"):
-            for a, b in _CHAIN:
-                apart_m = points_m[:, self._row[f"{side}_{a}"]] - points_m[:, self._row[f"{side}_{b}"]]
-                total_m += 0.5 * float(np.nanmedian(np.linalg.norm(apart_m, axis=-1)))
-        return total_m
+        """Return the distance from ears to ankles along the body, the mean of both legs, over points (F, K, 3)."""
+        left, right = (
+            {name: points_m[:, self._row[f"{side}_{name}"]] for name in (*_TRUNK, *_LEG)} for side in ("left", "right")
+        )
+        trunk = [0.5 * (left[name] + right[name]) for name in _TRUNK]
+        legs = [[side[name] for name in _LEG] for side in (left, right)]
+        lengths_m = [
+            float(np.nanmedian(np.linalg.norm(a - b, axis=-1))) for chain in (trunk, *legs) for a, b in pairwise(chain)
+        ]
+        return sum(lengths_m[:2]) + 0.5 * sum(lengths_m[2:])
 
 
 def _pairs() -> list[tuple[str, str]]:

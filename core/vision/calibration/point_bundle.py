@@ -89,6 +89,7 @@ class PointBundle:
 
     @cached_property
     def near(self) -> "_Linearised":
+        """Normal equations here."""
         return _linearise(self)
 
     @property
@@ -108,7 +109,7 @@ class PointBundle:
         points = self.points_m - (near.points + near.by_parameter @ step).reshape(self.points_m.shape)
         return replace(
             self,
-            cameras=tuple(_moved(camera, row) for camera, row in zip(self.cameras, by_camera, strict=True)),
+            cameras=tuple(moved_camera(camera, row) for camera, row in zip(self.cameras, by_camera, strict=True)),
             delays_s=self.delays_s + by_camera[:, 8],
             bones_m=self.bones_m + whole[count * PER_CAMERA :],
             points_m=points,
@@ -117,23 +118,26 @@ class PointBundle:
     def covariance(self) -> Array:
         """Return the covariance of the parameters of all cameras and bones.
 
-        Errors last, and points share them: the covariance is scaled by how much larger the gradients of stretches of a
-        second are than those of independent errors with the assumed standard deviations would be.
+        Errors last, and points share them: the covariance is scaled by how much farther stretches of a second pull the
+        cameras apart than independent errors with the assumed standard deviations would, if they do.
         """
         near, unknowns = self.near, self.unknowns
         inverse = np.linalg.pinv(near.reduced.matrix, rcond=1e-12, hermitian=True)
         blocks = np.floor((self.sightings.times_s - self.sightings.times_s[0]) / _S.block_s).astype(np.int64)
-        sums = np.zeros((blocks[-1] + 1, len(unknowns)))
-        np.add.at(sums, blocks, near.gradients)
-        factor = float(np.einsum("bi,ij,bj->", sums, inverse, sums)) / len(unknowns)
+        pulls = np.zeros((blocks[-1] + 1, len(unknowns)))
+        np.add.at(pulls, blocks, near.gradients)
+        of_cameras = unknowns < PER_CAMERA * len(self.cameras)
+        moves = (pulls @ inverse)[:, of_cameras]
+        alone = np.linalg.pinv(inverse[np.ix_(of_cameras, of_cameras)], hermitian=True)
+        factor = float(np.einsum("bi,ij,bj->", moves, alone, moves)) / np.count_nonzero(of_cameras)
         result = np.zeros((PER_CAMERA * len(self.cameras) + len(self.bones_m),) * 2)
-        result[np.ix_(unknowns, unknowns)] = factor * inverse
+        result[np.ix_(unknowns, unknowns)] = max(factor, 1.0) * inverse
         return result
 
 
 @dataclass(frozen=True)
 class _Linearised:
-    """Normal equations without the points; a step of the parameters moves the points by -(points + by_parameter step)."""
+    """Normal equations without the points; a step s of the parameters moves these by -(points + by_parameter s)."""
 
     reduced: NormalEquations
     gradients: Array  # (F, P) by moment, without priors
@@ -157,7 +161,8 @@ def reprojection_errors(bundle: PointBundle) -> Array:
     return errors
 
 
-def _moved(camera: Camera, step: Array) -> Camera:
+def moved_camera(camera: Camera, step: Array) -> Camera:
+    """Return a camera with its parameters (9,) changed."""
     turn = rot.to_matrix(rot.from_rotation_vector(step[:3]))
     matrix, distortion = camera.matrix.copy(), camera.distortion.copy()
     matrix[:2, :2] *= np.exp(np.clip(step[6], -0.5, 0.5))

@@ -121,7 +121,7 @@ def _resect(camera: Camera, placed: dict[int, Camera], points: Array, index: int
     located, _, _ = triangulate(list(placed.values()), points[rows][:, list(placed)], weights[rows], 1.0)
     cv2.setRNGSeed(0)
     found, turn, shift, _ = cv2.solvePnPRansac(
-        located, points[rows, index], np.eye(3), None, iterationsCount=_S.tries, reprojectionError=gate,
+        located, points[rows, index], np.eye(3), np.zeros(5), iterationsCount=_S.tries, reprojectionError=gate,
         confidence=_S.confidence, flags=cv2.SOLVEPNP_SQPNP,
     )  # fmt: skip
     if not found:
