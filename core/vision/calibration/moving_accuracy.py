@@ -26,7 +26,7 @@ class MovingLimits:
     least_view_deg: float = 8.0  # smaller angles determine nothing
     good_together: float = 0.5  # share of the moments at which a camera sees the target together with another
     good_delay_s: float = 0.02  # largest delay between cameras
-    good_coverage: float = 0.25  # smallest share of an image that the target has covered
+    good_coverage: float = 0.15  # smallest share of an image that the target has covered
     good_s: float = 15.0  # shortest time for which a good calibration is possible
 
 
@@ -64,7 +64,7 @@ def accuracy_of(bundle: PointBundle, scale_sigma: float) -> MovingAccuracy:
     return MovingAccuracy(
         float(np.degrees(np.sqrt(np.mean(angles**2, axis=0)).max())),
         float(np.hypot(np.sqrt(np.mean((sizes - 1.0) ** 2, axis=0)).max(), scale_sigma)),
-        steps[..., 6].std(axis=0),
+        np.where(bundle.is_free, steps[..., 6].std(axis=0), 0.0),
         _views_deg(bundle),
     )
 

@@ -126,4 +126,4 @@ def _resect(camera: Camera, placed: dict[int, Camera], points: Array, index: int
     )  # fmt: skip
     if not found:
         return None
-    return replace(camera, rotation=cv2.Rodrigues(turn)[0], translation_m=np.ravel(shift))
+    return replace(camera, rotation=np.asarray(cv2.Rodrigues(turn)[0]), translation_m=np.ravel(shift))
