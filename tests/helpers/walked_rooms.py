@@ -144,7 +144,7 @@ def middle_of_the_room(cameras: list[Camera], noise_m: float, seed: int = 0) -> 
 
 
 def by_board(cameras: list[Camera], seed: int = 0) -> list[Camera]:
-    """Return the cameras as a board of 9x6 corners, 60 mm apart, calibrates them from 24 places with 0.2 px of noise."""
+    """Return the cameras as a board of 9x6 corners, 60 mm apart, calibrates them in 24 places, with 0.2 px of noise."""
     random, (toward, up) = (
         np.random.default_rng(seed),
         (np.mean([c.centre_m for c in cameras], axis=0), [0.0, 1.0, 0.0]),
