@@ -133,9 +133,10 @@ def _check_walk(tracks: PointTracks) -> None:
     """Raise CalibrationError for a person who stays in one place."""
     ways = []
     for camera in range(tracks.pixels.shape[1]):
-        seen = np.isfinite(tracks.pixels[:, camera, :, 0]).any(axis=1)
+        known = np.isfinite(tracks.pixels[:, camera, :, 0])
+        seen = known.any(axis=1)
         middle = np.nanmedian(tracks.pixels[seen, camera], axis=1)
-        size = float(np.median(tracks.sigmas_px[seen, camera].min(axis=1))) / _SIDES_PX
+        size = float(np.median(tracks.sigmas_px[:, camera][known])) / _SIDES_PX
         ways.append(float(np.hypot(*np.ptp(np.percentile(middle, (5.0, 95.0), axis=0), axis=0))) / size)
     if max(ways) < _S.least_path:
         raise CalibrationError("the person stays in one place", advice=_AGAIN)

@@ -6,8 +6,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...errors import CalibrationError
-from ...geometry.arrays import Array, Mask
+from ...geometry.arrays import Array, Mask, median_of_known
 from ...geometry.camera import Camera
+from ...geometry.lens_check import lens_fault
 from ...geometry.triangulation import triangulate
 from .moving_targets import MovingTarget
 from .point_bundle import PointBundle, Sightings, adjust_points
@@ -29,6 +30,7 @@ class MovingFitSettings:
 
 
 _S = MovingFitSettings()
+_AGAIN = "move for longer and through the whole room, or calibrate the lenses with the board"
 
 
 def usual_camera(name: str, image_size: tuple[int, int]) -> Camera:
@@ -49,10 +51,16 @@ def fit_moving(cameras: Sequence[Camera], is_free: Mask, target: MovingTarget) -
     seen = target.sightings()
     _check_in_step(cameras, seen)
     starts = [_start(cameras, is_free, target, seen, share) for share in (_S.started if is_free.any() else (1.0,))]
-    bundle = min((adjust_points(start) for start in starts), key=lambda each: each.near.reduced.cost)
-    for _ in range(_S.rounds):
-        bundle = _located(bundle, target.sightings(bundle.cameras))
-        bundle = adjust_points(_scaled(bundle, target.scale(bundle)))
+    try:
+        bundle = min((adjust_points(start) for start in starts), key=lambda each: each.near.reduced.cost)
+        for _ in range(_S.rounds):
+            bundle = _located(bundle, target.sightings(bundle.cameras))
+            bundle = adjust_points(_scaled(bundle, target.scale(bundle)))
+    except np.linalg.LinAlgError as error:
+        raise CalibrationError("what the cameras saw does not determine where they are", advice=_AGAIN) from error
+    for camera, free in zip(bundle.cameras, is_free, strict=True):
+        if free and (fault := lens_fault(camera)):
+            raise CalibrationError(f"{camera.name} {fault}", advice=_AGAIN)
     return _scaled(bundle, target.scale(bundle))
 
 
@@ -85,7 +93,8 @@ def _check_in_step(cameras: Sequence[Camera], seen: Sightings) -> None:
             found = place_two(first[:shared].reshape(-1, 2), second[:shared].reshape(-1, 2), gate, _S.step_points)
             counts[lag] = 0.0 if found is None else found.agreeing / found.used
         best = max(counts, key=lambda lag: counts[lag])
-        if counts[best] > _S.out_of_step * counts[0] and abs(best) * step_s > _S.in_step_s:
+        is_better = counts[best] > _S.out_of_step * counts[0] > 0.0
+        if is_better and abs(best) * step_s > _S.in_step_s:
             late, early = (cameras[c], cameras[0]) if best > 0 else (cameras[0], cameras[c])
             raise CalibrationError(
                 f"the pictures of {late.name} are about {abs(best) * step_s:.1f} s behind those of {early.name}",
@@ -121,7 +130,7 @@ def _located(bundle: PointBundle, seen: Sightings) -> PointBundle:
     points[known] = triangulate(bundle.cameras, normalised[known], weights[known], 1.0)[0]
     points = points.reshape(frames, points_seen, 3)
     apart = points[:, seen.bones[:, 0]] - points[:, seen.bones[:, 1]]
-    bones = np.nanmedian(np.linalg.norm(apart, axis=-1), axis=0)
+    bones = median_of_known(np.linalg.norm(apart, axis=-1))
     return replace(bundle, sightings=seen, bones_m=np.nan_to_num(bones, nan=1.0), points_m=np.nan_to_num(points))
 
 

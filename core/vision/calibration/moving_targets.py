@@ -9,7 +9,8 @@ import numpy as np
 
 from ...body.calibration_poses import standing
 from ...body.standard_skeleton import DEFAULT_HEIGHT_M, default_skeleton
-from ...geometry.arrays import Array, IntArray
+from ...errors import CalibrationError
+from ...geometry.arrays import Array, IntArray, median_of_known
 from ...geometry.camera import Camera
 from ...markers.marker_frame import MarkerFrame
 from ...markers.marker_set import MarkerSet
@@ -139,7 +140,11 @@ class WalkingPerson:
     def scale(self, bundle: PointBundle) -> float:
         """Return the ratio of the usual distance from ears to ankles, along the body, to that in a bundle."""
         seen = bundle.sightings.seen.any(axis=1)
-        return self._length_m / self._chain_m(np.where(seen[..., None], bundle.points_m, np.nan))
+        found_m = self._chain_m(np.where(seen[..., None], bundle.points_m, np.nan))
+        if not found_m > 0.0:
+            what = "two cameras never see the person's ears, shoulders, hips, knees and ankles together"
+            raise CalibrationError(what, advice="walk where both see the whole body")
+        return self._length_m / found_m
 
     def _chain_m(self, points_m: Array) -> float:
         """Return the distance from ears to ankles along the body, the mean of both legs, over points (F, K, 3)."""
@@ -148,10 +153,9 @@ class WalkingPerson:
         )
         trunk = [0.5 * (left[name] + right[name]) for name in _TRUNK]
         legs = [[side[name] for name in _LEG] for side in (left, right)]
-        lengths_m = [
-            float(np.nanmedian(np.linalg.norm(a - b, axis=-1))) for chain in (trunk, *legs) for a, b in pairwise(chain)
-        ]
-        return sum(lengths_m[:2]) + 0.5 * sum(lengths_m[2:])
+        bones = [np.linalg.norm(a - b, axis=-1) for chain in (trunk, *legs) for a, b in pairwise(chain)]
+        lengths_m = median_of_known(np.stack(bones, axis=1))
+        return float(lengths_m[:2].sum() + 0.5 * lengths_m[2:].sum())
 
 
 def _pairs() -> list[tuple[str, str]]:

@@ -136,6 +136,17 @@ def test_a_walk_calibrates(cmu_dir, trial, seconds, is_free):
     assert with_m < 1.3 * board_m
 
 
+@pytest.mark.long
+@pytest.mark.parametrize("late", [15, -9])
+def test_films_of_a_walk_out_of_step_are_told(cmu_dir, late):
+    points_m = walk(read_motion(next(cmu_dir.rglob("09_12.amc"))), 14.0)
+    cameras, (behind, ahead) = room(16), ("cam2", "cam1") if late > 0 else ("cam1", "cam2")
+    frames = person_frames(cameras, points_m, late={int(late > 0): abs(late)})
+    told = rf"{behind} are about {abs(late) / FPS:.1f} s behind those of {ahead}; start both recordings"
+    with pytest.raises(CalibrationError, match=told):
+        calibrate_with_person(cameras, KNOWN, frames, POINTS)
+
+
 def up_of(found, true) -> float:
     """Cosine between the found and the true direction upwards, in the camera."""
     return float(found.rotation[:, 1] @ true.rotation[:, 1])
