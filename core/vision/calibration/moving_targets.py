@@ -230,12 +230,17 @@ class WavedStick:
 
 
 def marker_tracks(frames: Sequence[MarkerFrame], count: int) -> PointTracks:
-    """Return the blobs of images that show as many as there are markers."""
+    """Return the blobs of images that show as many as there are markers, one or two; each keeps its place in a row."""
     pixels = np.full((len(frames), len(frames[0].blobs), count, 2), np.nan)
+    last: dict[int, Array] = {}
     for row, frame in enumerate(frames):
         for camera, blobs in enumerate(frame.blobs):
             if len(blobs) == count:
-                pixels[row, camera] = blobs[:, :2]
+                found = blobs[:, :2].astype(np.float64)
+                before = last.get(camera, found)
+                if np.linalg.norm(found[::-1] - before) < np.linalg.norm(found - before):
+                    found = found[::-1]
+                pixels[row, camera] = last[camera] = found
     return PointTracks(
         np.array([frame.time_s for frame in frames]), pixels, np.full(pixels.shape[:3], _S.marker_sigma_px)
     )
