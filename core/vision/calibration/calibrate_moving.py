@@ -31,7 +31,7 @@ class MovingSettings:
 
     fewest_moments: int = 30  # moments at which two cameras see the target
     shortest_s: float = 1.0  # time from the first of them to the last
-    least_path: float = 0.25  # way of a person across the image, in units of their size in it
+    least_path: float = 0.1  # way of a person across the image, in units of their size in it
 
 
 _S = MovingSettings()
@@ -136,7 +136,8 @@ def _check_walk(tracks: PointTracks) -> None:
         known = np.isfinite(tracks.pixels[:, camera, :, 0])
         seen = known.any(axis=1)
         middle = np.nanmedian(tracks.pixels[seen, camera], axis=1)
-        size = float(np.median(tracks.sigmas_px[:, camera][known])) / _SIDES_PX
+        sigmas_px = np.where(known, tracks.sigmas_px[:, camera], np.inf)[seen].min(axis=1)
+        size = float(np.median(sigmas_px)) / _SIDES_PX
         ways.append(float(np.hypot(*np.ptp(np.percentile(middle, (5.0, 95.0), axis=0), axis=0))) / size)
     if max(ways) < _S.least_path:
         raise CalibrationError("the person stays in one place", advice=_AGAIN)
