@@ -31,11 +31,11 @@ class MovingSettings:
 
     fewest_moments: int = 30  # moments at which two cameras see the target
     shortest_s: float = 1.0  # time from the first of them to the last
-    least_path: float = 0.1  # way of a person across the image, in units of their size in it
+    # way of a person across the image, in standard deviations of a point, which are about 25 mm
+    least_way: float = 8.0
 
 
 _S = MovingSettings()
-_SIDES_PX = 0.012  # standard deviation of a point, in units of the person's size in the image
 _AGAIN = "walk about for 20 s where at least two cameras see the whole body"
 
 
@@ -137,9 +137,9 @@ def _check_walk(tracks: PointTracks) -> None:
         seen = known.any(axis=1)
         middle = np.nanmedian(tracks.pixels[seen, camera], axis=1)
         sigmas_px = np.where(known, tracks.sigmas_px[:, camera], np.inf)[seen].min(axis=1)
-        size = float(np.median(sigmas_px)) / _SIDES_PX
-        ways.append(float(np.hypot(*np.ptp(np.percentile(middle, (5.0, 95.0), axis=0), axis=0))) / size)
-    if max(ways) < _S.least_path:
+        sigma_px = float(np.median(sigmas_px))
+        ways.append(float(np.hypot(*np.ptp(np.percentile(middle, (5.0, 95.0), axis=0), axis=0))) / sigma_px)
+    if max(ways) < _S.least_way:
         raise CalibrationError("the person stays in one place", advice=_AGAIN)
 
 
