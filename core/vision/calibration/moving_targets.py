@@ -29,6 +29,7 @@ class TargetSettings:
     bone_sigma_m: float = 0.01  # change of the distance of a person's points on one bone
     stick_sigma_m: float = 0.001  # the same for two markers on a stick
     marker_sigma_px: float = 0.3  # standard deviation of a marker's centre, with time and lens errors
+    middle_sigma_px: float = 3.0  # distance of the middle of a stick's two markers in an image from its own middle
     # distance from ears to ankles of a person as tall as the default body, relative to that body's: the mean of the CMU
     # subjects 03 to 16
     usual_length: float = 0.99
@@ -202,7 +203,7 @@ class WavedStick:
         tracks = self._tracks
         if self._length_m and cameras is None:
             middle = tracks.pixels.mean(axis=2, keepdims=True)
-            tracks = replace(tracks, pixels=middle, sigmas_px=tracks.sigmas_px[:, :, :1] * 10.0)
+            tracks = replace(tracks, pixels=middle, sigmas_px=np.full(middle.shape[:3], _S.middle_sigma_px))
             return tracks.sampled(0.0, np.empty((0, 2), dtype=np.int64), 1.0)
         if self._length_m and cameras is not None:
             tracks = tracks.reordered(self._ends(cameras))
