@@ -7,8 +7,9 @@ import bpy
 from ...core.body.standard_skeleton import JOINT_NAMES
 from ...core.errors import CharacterError
 from ...core.retarget.bone_map import BoneMap, JointMatch, MatchState, checked_map
+from ...core.retarget.character_fit import Adjustments
 from ...core.retarget.retargeter import RootMotion
-from ..preferences.property_kinds import HIDDEN, choice, collection, string
+from ..preferences.property_kinds import HIDDEN, choice, collection, number, string
 from .armature_reading import read_armature_rest
 
 _ROOT_MOTIONS = (
@@ -43,6 +44,12 @@ class PERFANIM_PG_character(bpy.types.PropertyGroup):
     problem: string("Problem", "Why the armature cannot be driven")
     filling: bpy.props.BoolProperty(options=HIDDEN)
     root_motion: choice("Root Motion", "Bone or object that receives the root motion", _ROOT_MOTIONS)
+    hip_height: number("Hip Height (mm)", "Height added to the hips; the feet stay on the floor", 0.0, -300.0, 300.0)
+    shoulder: number("Shoulders (°)", "Angle by which the shoulders are raised", 0.0, -30.0, 30.0)
+    arm_spread: number("Arm Spread (°)", "Angle by which the arms are moved away from the body", 0.0, -45.0, 45.0)
+    foot_pitch: number(
+        "Foot Pitch (°)", "Angle by which the toes are raised; the soles stay on the floor", 0.0, -30.0, 30.0
+    )
 
 
 def store_map(armature_object: bpy.types.Object, found: BoneMap) -> None:
@@ -102,6 +109,14 @@ def stored_map(armature_object: bpy.types.Object) -> BoneMap | None:
         )
     matches = {e.name: JointMatch(e.bone, MatchState(e.state), e.reason) for e in kept.joints}
     return BoneMap(matches, kept.origin)
+
+
+def stored_adjustments(armature_object: bpy.types.Object) -> Adjustments:
+    """Return the corrections that are kept with a character."""
+    kept = getattr(armature_object, "perfanim_character", None)
+    if kept is None:
+        return Adjustments()
+    return Adjustments(0.001 * kept.hip_height, kept.shoulder, kept.arm_spread, kept.foot_pitch)
 
 
 def stored_root_motion(armature_object: bpy.types.Object) -> RootMotion:

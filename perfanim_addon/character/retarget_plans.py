@@ -12,11 +12,20 @@ from ...core.errors import CharacterError
 from ...core.retarget.armature_rest import ArmatureRest
 from ...core.retarget.bone_map import BoneMap, find_bone_map, identity_bone_map
 from ...core.retarget.bone_map_files import read_presets
+from ...core.retarget.character_fit import Adjustments, CharacterFit
 from ...core.retarget.retargeter import RetargetPlan, RootMotion, plan_retarget
 from ..preferences.paths import user_folder
 from .armature_reading import LIMITS, check_scale, followed_bones, is_constrained, read_armature_rest, switch_to_fk
-from .bone_map_settings import clear_map, store_map, store_problem, stored_map, stored_root_motion
+from .bone_map_settings import (
+    clear_map,
+    store_map,
+    store_problem,
+    stored_adjustments,
+    stored_map,
+    stored_root_motion,
+)
 from .create_character import joints_without_bone
+from .foot_skin import foot_skins
 
 _LINKED = "make a library override of it (Object > Library Override > Make)"
 PRESETS_FOLDER = "bone_maps"  # user folder
@@ -85,7 +94,7 @@ def plan_for(armature_object: bpy.types.Object, skeleton: Skeleton) -> RetargetP
     root_motion = stored_root_motion(armature_object)
     if kept is None and root_motion is RootMotion.HIPS:
         rest = read_armature_rest(armature_object)
-        if _has_proportions(rest, skeleton):
+        if _has_proportions(rest, skeleton) and stored_adjustments(armature_object) == Adjustments():
             check_scale(armature_object)
             return plan_retarget(skeleton, rest, identity_bone_map(), same_body=True)
     bone_map = kept or find_map(armature_object, user_folder(PRESETS_FOLDER))
@@ -107,12 +116,13 @@ def plan_with_map(
     check_scale(armature_object)
     armature_object.data.pose_position = "POSE"  # in Rest Position it would not move
     rest = read_armature_rest(armature_object)
-    plan = plan_retarget(skeleton, rest, bone_map, root_motion)
+    fit = CharacterFit(foot_skins(armature_object, rest, bone_map.bones), stored_adjustments(armature_object))
+    plan = plan_retarget(skeleton, rest, bone_map, root_motion, fit=fit)
     _rest_between(armature_object, bone_map.bones["root"], plan.bones)
     if is_constrained(armature_object, plan.driven):
         switch_to_fk(armature_object, plan.driven)
         follows = followed_bones(bpy.context, armature_object, plan.driven)
-        plan = plan_retarget(skeleton, rest, bone_map, root_motion, np.asarray(follows))
+        plan = plan_retarget(skeleton, rest, bone_map, root_motion, np.asarray(follows), fit=fit)
     return plan
 
 

@@ -8,6 +8,7 @@ import bpy
 import numpy as np
 from perfanim.core.body.motion import Motion
 from perfanim.core.body.skeleton import forward_kinematics
+from perfanim.core.body.soles import upright_foot
 from perfanim.core.geometry import rotations as rot
 from perfanim.perfanim_addon.character.axes import BLENDER_FROM_WORLD
 
@@ -75,7 +76,9 @@ def measured(done: dict[str, Any], motion: Motion) -> Played:
             if start == "humerus":
                 hanging.append(np.degrees(np.arctan2(-way[2], np.hypot(way[0], way[1]))))
             if start == "foot":  # ankles are of different height: what is flat on the floor is compared
-                way, own = way * [1.0, 1.0, 0.0], own * [1.0, 0.0, 1.0]
+                upright = upright_foot(motion.skeleton, side)
+                flat = rot.rotate(upright, own) * [1.0, 0.0, 1.0]
+                way, own = way * [1.0, 1.0, 0.0], rot.rotate(rot.conjugate(upright), flat)
             mine = since[side + start] @ way
             theirs = rot.rotate(world[:, motion.skeleton.index(side + start)], own) @ BLENDER_FROM_WORLD.T
             cosine = np.sum(mine * theirs, axis=-1) / np.linalg.norm(mine, axis=-1) / np.linalg.norm(theirs, axis=-1)
