@@ -21,9 +21,9 @@ class ShoeShape:
 
     heel: float = -0.24  # end of the heel behind the ankle, as a fraction of the distance from ankle to toe tip
     tip: float = 1.07  # end of the toes, as the same fraction
-    heel_half_m: float = 0.028  # half widths of a body with the default skeleton's size
-    ball_half_m: float = 0.042
-    tip_half_m: float = 0.020
+    heel_half_m: float = 0.012  # half widths of a body with the default skeleton's size
+    ball_half_m: float = 0.030
+    tip_half_m: float = 0.006
 
 
 _SHOE = ShoeShape()

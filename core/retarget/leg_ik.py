@@ -5,7 +5,7 @@ performer stands, the lowest point of the character's sole is on the floor, what
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -77,12 +77,14 @@ class LegPlan:
         own_middle: The same for the performer.
         hips_up: Height added to the hips, because the character's ankles are higher above its soles.
         legs: Legs with knee and ankle; others keep the rotations of their joints.
+        softness: Range over which the lowering sets in smoothly, in leg lengths.
     """
 
     hips_to_middle: c.Vector
     own_middle: c.Vector
     hips_up: float
     legs: tuple[_Leg, ...]
+    softness: float = _SETTINGS.softness
 
 
 def plan_legs(
@@ -169,7 +171,7 @@ def bend_legs(plan: LegPlan, world: Array, root: c.Quaternion, position: c.Vecto
     steps = [_step(leg, world, root, position, turned) for leg in plan.legs]
     hips = [c.plus(middle, c.rotate(root, leg.from_middle)) for leg in plan.legs]
     if steps:
-        lower = _lowering(plan.legs, [c.minus(step.ankle, hip) for step, hip in zip(steps, hips, strict=True)])
+        lower = _lowering(plan, [c.minus(step.ankle, hip) for step, hip in zip(steps, hips, strict=True)])
         middle = c.minus(middle, (0.0, lower, 0.0))
         for leg, step, hip in zip(plan.legs, steps, hips, strict=True):
             _bend_leg(leg, step, c.minus(step.ankle, c.minus(hip, (0.0, lower, 0.0))), turned)
@@ -187,19 +189,29 @@ def _step(leg: _Leg, world: Array, root: c.Quaternion, position: c.Vector, turne
     return _Step(upper, lower, thigh_way, shank_way, (x, height, z))
 
 
-def _lowering(legs: Sequence[_Leg], reaches: Sequence[c.Vector]) -> c.Part:
+def readjusted_legs(before: LegPlan, after: LegPlan) -> LegPlan:
+    """Return a plan for poses of a character's own body that were made with one plan, as another would make them."""
+    legs = tuple(
+        replace(leg, own_sole=own.sole, ankle_shift=c.minus(leg.ankle_shift, own.ankle_shift))
+        for own, leg in zip(before.legs, after.legs, strict=True)
+    )
+    # without softness, a pose that is made again and again stays the same
+    return replace(after, hips_up=after.hips_up - before.hips_up, legs=legs, softness=0.0)
+
+
+def _lowering(plan: LegPlan, reaches: Sequence[c.Vector]) -> c.Part:
     """Return how far to lower the hips, metres, so that standing legs reach the floor.
 
     Args:
         reaches: Vectors from each hip to the target of its ankle.
     """
     lowest: c.Part = 0.0
-    for leg, reach in zip(legs, reaches, strict=True):
+    for leg, reach in zip(plan.legs, reaches, strict=True):
         limit = _SETTINGS.reach * (leg.thigh_m + leg.shank_m)
         across = reach[0] * reach[0] + reach[2] * reach[2]
         down = -reach[1]
         over = down - c.maximum(limit * limit - across, 0.0) ** 0.5
-        over = 0.5 * (over + (over * over + (_SETTINGS.softness * limit) ** 2) ** 0.5)
+        over = 0.5 * (over + (over * over + (plan.softness * limit) ** 2) ** 0.5)
         cosine, raised = down / ((across + down * down) ** 0.5 + 1e-9), _SETTINGS.raised_cosine
         steep = (cosine - raised) / (_SETTINGS.standing_cosine - raised)
         lowest = c.maximum(lowest, over * c.minimum(c.maximum(steep, 0.0), 1.0))

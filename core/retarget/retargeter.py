@@ -95,6 +95,7 @@ class RetargetPlan:
 
     Args:
         joints: Joint -> index of the character's bone.
+        places: Joint -> index of its bone among the driven bones.
         root_motion: Receiver of the root motion; the hips if the armature has no root bone.
         driven: Names of the bones turned by joints.
         bones: Names of all bones turned, in the order of `CharacterPose.rotations`.
@@ -106,6 +107,7 @@ class RetargetPlan:
 
     skeleton: Skeleton
     joints: Mapping[str, int]
+    places: Mapping[str, int]
     alignment: RestAlignment
     root_motion: RootMotion
     driven: tuple[str, ...]
@@ -166,6 +168,7 @@ def plan_retarget(
     return RetargetPlan(
         skeleton=skeleton,
         joints=joints,
+        places={joint: places[bone] for joint, bone in joints.items()},
         alignment=alignment,
         root_motion=root_motion,
         driven=names,

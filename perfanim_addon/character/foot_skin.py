@@ -9,7 +9,11 @@ from ...core.geometry.arrays import Array
 from ...core.retarget.armature_rest import ArmatureRest
 from ...core.retarget.character_fit import SkinPoints
 
-_SAME_HEAD = 0.01  # largest distance, as a fraction of the foot's height, of bones that stand for each other
+_SAME_HEAD = (
+    0.01  # largest distance, as a fraction of the body's extent, of the heads of bones that stand for each other
+)
+_REACH = 0.3  # largest distance of a foot's skin from the ankle, as a fraction of the body's extent
+_Names = tuple[set[str], set[str]]  # bones that move with the foot, and those of them that move with the toes
 _MOST = 0.5  # share of a vertex's weights above which it belongs to the foot
 
 
@@ -30,7 +34,8 @@ def foot_skins(
         ankle = rest.index[bones[side + "foot"]]
         foot = _followers(rest, ankle)
         toes = _followers(rest, rest.index[bones[side + "toes"]]) if side + "toes" in bones else set()
-        skins = [_skin(armature_object, mesh, foot | toes, toes) for mesh in meshes]
+        near = rest.heads[ankle], _REACH * float(np.ptp(rest.heads, axis=0).max())
+        skins = [_skin(armature_object, mesh, near, (foot, toes)) for mesh in meshes]
         points = np.concatenate([np.empty((0, 3)), *(points for points, _ in skins)])
         if len(points):
             found[side] = SkinPoints(points, np.concatenate([weights for _, weights in skins]))
@@ -47,19 +52,21 @@ def _followers(rest: ArmatureRest, bone: int) -> set[str]:
 
 
 def _skin(
-    armature_object: bpy.types.Object, mesh_object: bpy.types.Object, foot: set[str], toes: set[str]
+    armature_object: bpy.types.Object, mesh_object: bpy.types.Object, near: tuple[Array, float], names: _Names
 ) -> tuple[Array, Array]:
     """Return the points (P, 3) of a mesh that belong to a foot, and the toes' share (P,) of their weights."""
-    groups = {group.index: group.name in toes for group in mesh_object.vertex_groups if group.name in foot}
-    if not groups:
-        return np.empty((0, 3)), np.empty(0)
-    points, shares = [], []
-    for vertex in mesh_object.data.vertices:
-        weights = [(group.group, group.weight) for group in vertex.groups]
-        own = sum(weight for group, weight in weights if group in groups)
-        if own > _MOST * sum(weight for _, weight in weights):
-            points.append(vertex.co)
-            shares.append(sum(weight for group, weight in weights if groups.get(group)) / own)
+    foot, toes = ({group.index for group in mesh_object.vertex_groups if group.name in each} for each in names)
+    vertices = mesh_object.data.vertices
+    places = np.empty(3 * len(vertices), dtype=np.float32)
+    vertices.foreach_get("co", places)
     to_armature = np.array(armature_object.matrix_world.inverted() @ mesh_object.matrix_world)
-    places = np.array(points, dtype=np.float64).reshape(-1, 3) @ to_armature[:3, :3].T + to_armature[:3, 3]
-    return places, np.array(shares, dtype=np.float64)
+    points = places.reshape(-1, 3) @ to_armature[:3, :3].T + to_armature[:3, 3]
+    ankle, reach = near
+    rows, shares = [], []
+    for row in np.flatnonzero(np.linalg.norm(points - ankle, axis=1) < reach) if foot else ():
+        weights = [(group.group, group.weight) for group in vertices[int(row)].groups]
+        own = sum(weight for group, weight in weights if group in foot)
+        if own > _MOST * sum(weight for _, weight in weights):
+            rows.append(row)
+            shares.append(sum(weight for group, weight in weights if group in toes) / own)
+    return points[rows].reshape(-1, 3), np.array(shares, dtype=np.float64)

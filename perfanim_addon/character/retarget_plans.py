@@ -1,6 +1,6 @@
 """Retarget plans for Blender's armatures."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import bpy
@@ -101,6 +101,11 @@ def plan_for(armature_object: bpy.types.Object, skeleton: Skeleton) -> RetargetP
     return plan_with_map(armature_object, skeleton, bone_map, root_motion)
 
 
+def character_fit(armature_object: bpy.types.Object, rest: ArmatureRest, bones: Mapping[str, str]) -> CharacterFit:
+    """Return the skin of a character's feet and its corrections."""
+    return CharacterFit(foot_skins(armature_object, rest, bones), stored_adjustments(armature_object))
+
+
 def bones_of(armature_object: bpy.types.Object) -> dict[str, str]:
     """Return joint -> bone of an armature, using the same maps as `plan_for`; CharacterError without a map."""
     kept = stored_map(armature_object)
@@ -116,7 +121,7 @@ def plan_with_map(
     check_scale(armature_object)
     armature_object.data.pose_position = "POSE"  # in Rest Position it would not move
     rest = read_armature_rest(armature_object)
-    fit = CharacterFit(foot_skins(armature_object, rest, bone_map.bones), stored_adjustments(armature_object))
+    fit = character_fit(armature_object, rest, bone_map.bones)
     plan = plan_retarget(skeleton, rest, bone_map, root_motion, fit=fit)
     _rest_between(armature_object, bone_map.bones["root"], plan.bones)
     if is_constrained(armature_object, plan.driven):

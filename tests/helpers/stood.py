@@ -97,7 +97,8 @@ def _lowest(
         every = np.concatenate(points)
         away = np.linalg.norm(every[:, None] - ankles, axis=-1)
         near = [(away[:, foot] < _FOOT_M * scale) & (away[:, foot] <= away[:, 1 - foot]) for foot in range(2)]
-        return [float(every[each, 2].min()) for each in near]
+        if min(np.count_nonzero(each) for each in near) > 20:  # else the mesh is something else, and the bones stand
+            return [float(every[each, 2].min()) for each in near]
     posed = armature_object.evaluated_get(graph)
     found = []
     for foot in feet:
