@@ -16,7 +16,7 @@ from .retargeter import CharacterPose, RetargetPlan, RootMotion, apply_plan
 
 
 def own_body_plan(plan: RetargetPlan) -> RetargetPlan:
-    """Return a plan that copies the joints of the character's own skeleton to its bones.
+    """Return a plan that copies the joints of the character's own skeleton to its bones; the inverse of `read_poses`.
 
     Args:
         plan: Plan from the character's own skeleton, whose root motion goes to the hips.
@@ -29,8 +29,7 @@ def own_body_plan(plan: RetargetPlan) -> RetargetPlan:
             f"the motion along the floor is on the {plan.root_motion.value}",
             advice="set Root Motion to Hips, and put the take on the character again",
         )
-    still = np.empty(0, dtype=np.int64)
-    return replace(plan, legs=None, forearms=(), is_direct=False, adjusted=still, adjustments=np.empty((0, 4)))
+    return replace(plan, legs=None, forearms=(), is_direct=False)
 
 
 def read_poses(plan: RetargetPlan, pose: CharacterPose) -> tuple[Array, Array]:

@@ -1,5 +1,6 @@
 """Bone map stored with an armature object: a bone per joint, and the root motion."""
 
+from collections.abc import Callable
 from typing import Any
 
 import bpy
@@ -17,6 +18,15 @@ _ROOT_MOTIONS = (
     ("ROOT_BONE", "Root Bone", "The topmost bone above the hips receives the motion along the floor, or else the hips"),
     ("OBJECT", "Object", "The armature object receives the motion along the floor, as its delta transform"),
 )
+
+
+adjusted_listeners: list[Callable[[bpy.types.Object], None]] = []  # called with a character whose adjustments changed
+
+
+def _adjusted(self: Any, _context: object) -> None:
+    """Show the changed adjustments on the character's animation."""
+    for listener in adjusted_listeners:
+        listener(self.id_data)
 
 
 def _edited(self: Any, _context: object) -> None:
@@ -44,11 +54,20 @@ class PERFANIM_PG_character(bpy.types.PropertyGroup):
     problem: string("Problem", "Why the armature cannot be driven")
     filling: bpy.props.BoolProperty(options=HIDDEN)
     root_motion: choice("Root Motion", "Bone or object that receives the root motion", _ROOT_MOTIONS)
-    hip_height: number("Hip Height (mm)", "Height added to the hips; the feet stay on the floor", 0.0, -300.0, 300.0)
-    shoulder: number("Shoulders (°)", "Angle by which the shoulders are raised", 0.0, -30.0, 30.0)
-    arm_spread: number("Arm Spread (°)", "Angle by which the arms are moved away from the body", 0.0, -45.0, 45.0)
+    hip_height: number(
+        "Hip Height (mm)", "Height added to the hips; the feet stay on the floor", 0.0, -300.0, 300.0, update=_adjusted
+    )
+    shoulder: number("Shoulders (°)", "Angle by which the shoulders are raised", 0.0, -30.0, 30.0, update=_adjusted)
+    arm_spread: number(
+        "Arm Spread (°)", "Angle by which the arms are moved away from the body", 0.0, -45.0, 45.0, update=_adjusted
+    )
     foot_pitch: number(
-        "Foot Pitch (°)", "Angle by which the toes are raised; the soles stay on the floor", 0.0, -30.0, 30.0
+        "Foot Pitch (°)",
+        "Angle by which the toes are raised; the soles stay on the floor",
+        0.0,
+        -30.0,
+        30.0,
+        update=_adjusted,
     )
 
 

@@ -1,6 +1,7 @@
 """Retarget plans for Blender's armatures."""
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import bpy
@@ -97,8 +98,15 @@ def plan_for(armature_object: bpy.types.Object, skeleton: Skeleton) -> RetargetP
         if _has_proportions(rest, skeleton) and stored_adjustments(armature_object) == Adjustments():
             check_scale(armature_object)
             return plan_retarget(skeleton, rest, identity_bone_map(), same_body=True)
-    bone_map = kept or find_map(armature_object, user_folder(PRESETS_FOLDER))
-    return plan_with_map(armature_object, skeleton, bone_map, root_motion)
+    return plan_with_map(armature_object, skeleton, map_of(armature_object), root_motion)
+
+
+def map_of(armature_object: bpy.types.Object) -> BoneMap:
+    """Return the bone map of an armature: the stored one, or else one that is found; CharacterError without a map."""
+    kept = stored_map(armature_object)
+    if kept is None and not joints_without_bone(armature_object):
+        return identity_bone_map()
+    return kept or find_map(armature_object, user_folder(PRESETS_FOLDER))
 
 
 def character_fit(armature_object: bpy.types.Object, rest: ArmatureRest, bones: Mapping[str, str]) -> CharacterFit:
@@ -108,20 +116,26 @@ def character_fit(armature_object: bpy.types.Object, rest: ArmatureRest, bones: 
 
 def bones_of(armature_object: bpy.types.Object) -> dict[str, str]:
     """Return joint -> bone of an armature, using the same maps as `plan_for`; CharacterError without a map."""
-    kept = stored_map(armature_object)
-    if kept is None and not joints_without_bone(armature_object):
-        return {joint: joint for joint in JOINT_NAMES}
-    return (kept or find_map(armature_object, user_folder(PRESETS_FOLDER))).bones
+    return map_of(armature_object).bones
 
 
 def plan_with_map(
-    armature_object: bpy.types.Object, skeleton: Skeleton, bone_map: BoneMap, root_motion: RootMotion
+    armature_object: bpy.types.Object,
+    skeleton: Skeleton,
+    bone_map: BoneMap,
+    root_motion: RootMotion,
+    adjustments: Adjustments | None = None,
 ) -> RetargetPlan:
-    """Plan the retargeting to an armature with a map, and switch its IK off; CharacterError if it cannot be driven."""
+    """Plan the retargeting to an armature with a map, and switch its IK off; CharacterError if it cannot be driven.
+
+    Args:
+        adjustments: Corrections of each pose; None for those kept with the character.
+    """
     check_scale(armature_object)
     armature_object.data.pose_position = "POSE"  # in Rest Position it would not move
     rest = read_armature_rest(armature_object)
     fit = character_fit(armature_object, rest, bone_map.bones)
+    fit = fit if adjustments is None else replace(fit, adjustments=adjustments)
     plan = plan_retarget(skeleton, rest, bone_map, root_motion, fit=fit)
     _rest_between(armature_object, bone_map.bones["root"], plan.bones)
     if is_constrained(armature_object, plan.driven):

@@ -10,6 +10,7 @@ from ...core.retarget.bone_map_files import preset_paths
 from ..character.create_character import joints_without_bone
 from ..character.retarget_plans import PRESETS_FOLDER
 from ..preferences.paths import user_folder
+from ..preferences.property_kinds import draw_props, property_column
 from ..settings.capture_settings import settings
 from .panel_drawing import RowList
 
@@ -72,3 +73,7 @@ def draw_bones(layout: bpy.types.UILayout, armature_object: bpy.types.Object | N
         row.operator("perfanim.save_bone_map", text="", icon="ADD").armature = armature_object.name
     layout.operator("perfanim.show_t_pose", icon="ARMATURE_DATA").armature = armature_object.name
     layout.prop(kept, "root_motion")
+    header, body = layout.panel("perfanim_adjust" + list_id, default_closed=True)
+    header.label(text="Adjust")
+    if body is not None:
+        draw_props(property_column(body), kept, "hip_height", "shoulder", "arm_spread", "foot_pitch")
