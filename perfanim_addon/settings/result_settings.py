@@ -27,6 +27,27 @@ class PERFANIM_PG_result(bpy.types.PropertyGroup):
         (("PLAYHEAD", "At Playhead", "At the scene's current frame"), ("FIRST", "Frame 1", "At frame 1")),
         "PLAYHEAD",
     )
+    on_floor: switch(
+        "On Floor",
+        "Move the take to the height of its floor, and stand the soles of standing feet exactly on it",
+        default=True,
+    )
+    offset: bpy.props.FloatVectorProperty(
+        name="Offset",
+        description="Shift of the take in the scene; Z is its height",
+        default=(0.0, 0.0, 0.0),
+        subtype="TRANSLATION",
+        unit="LENGTH",
+    )
+    turn: bpy.props.FloatProperty(
+        name="Turn",
+        description="Rotation about the vertical, about the place where the take begins",
+        default=0.0,
+        subtype="ANGLE",
+    )
+    whole_frames: switch(
+        "Whole Frames", "Insert keyframes on the scene's frames; otherwise one for each recorded pose", default=True
+    )
     filters: choice(
         "Filters",
         "Smoothing and foot lock of the keyframes",
@@ -88,6 +109,7 @@ def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     """Draw the settings."""
     chosen: Any = context.scene.perfanim_result
     column = property_column(layout)
-    draw_props(column, chosen, "onto", "start", "filters", "only_selected", "doubtful", "reduce")
+    draw_props(column, chosen, "onto", "start", "on_floor", "offset", "turn")
+    draw_props(column, chosen, "filters", "only_selected", "doubtful", "whole_frames", "reduce")
     if chosen.reduce:
         draw_props(column, chosen, "reduce_deg", "reduce_mm")
