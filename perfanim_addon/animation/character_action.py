@@ -16,7 +16,7 @@ from ..blender_versions import by_channel, curves_of, slot_of
 from ..character.bone_map_settings import stored_adjustments
 from ..character.own_body import own_body_plans
 from .action_placement import fit_strips
-from .actions import made_with, note_adjustments, refill_pose, scene_fps
+from .actions import made_with, note_adjustments, present_frame, refill_pose, scene_fps
 from .keyframes import bone_path
 from .quaternion_curves import keep_in_quaternions
 
@@ -135,3 +135,17 @@ def _pose_at(
     rotations = np.stack([values(name, "rotation_quaternion") for name in plan.bones], axis=1)
     locations = np.stack([values(name, "location") for name in plan.located], axis=1)
     return CharacterPose(rot.normalize(rotations), locations, None, None)
+
+
+def shown_pose(
+    context: bpy.types.Context, armature_object: bpy.types.Object, plan: RetargetPlan, frames: Array
+) -> CharacterPose:
+    """Return the pose of a character in some scene frames, as action and NLA strips together show it."""
+    rotations, locations = [], []
+    with present_frame(context.scene):
+        for frame in frames:
+            context.scene.frame_set(int(np.floor(frame)), subframe=float(frame - np.floor(frame)))
+            posed = armature_object.evaluated_get(context.evaluated_depsgraph_get()).pose.bones
+            rotations.append([posed[name].matrix_basis.to_quaternion() for name in plan.bones])
+            locations.append([posed[name].location for name in plan.located])
+    return CharacterPose(np.array(rotations, dtype=np.float64), np.array(locations, dtype=np.float64), None, None)

@@ -10,9 +10,10 @@ import numpy as np
 from ...core.body.clock import CLOCK, Clock, clock_of, poses_at
 from ...core.body.foot_lock import floor_of
 from ...core.body.motion import Motion
+from ...core.body.moved_feet import floor_height_m
 from ...core.body.scene_pose import DOUBTFUL, PerformerPose, ScenePose
 from ...core.body.skeleton import Skeleton
-from ...core.body.standing_on_floor import floor_height_m, on_floor
+from ...core.body.standing_on_floor import on_floor
 from ...core.formats.take_file.take_reader import TakeFile
 from ...core.geometry import rotations as rot
 from ...core.geometry.arrays import Array, Mask
@@ -20,13 +21,14 @@ from ...core.markers.prop import Prop
 from ...core.retarget.retargeter import RetargetPlan
 from ...core.session.pose_filters import FilterSettings, filter_poses
 from ..animation.action_placement import Placement, PlacementMode
-from ..animation.actions import scene_fps, write_action, write_object_action, write_with_plan
+from ..animation.actions import scene_fps, write_object_action, write_with_plan
 from ..character.part_bones import part_of_bones
 from ..character.retarget_plans import plan_for
 from ..settings import target_settings
 from ..settings.capture_settings import settings
 from ..settings.result_settings import placement
 from .capture_space import CaptureSpace, RigidOffset
+from .continue_take import OwnMotion, continue_animation
 from .performer_targets import PerformerTarget
 
 
@@ -167,8 +169,11 @@ def write_take(
     for part in parts:
         poses = placing.of_performer(part.steady(main.index), skeleton)
         rows, how = _chosen_keys(context, poses, placement(context, character, main.only), character, plan)
-        keyed = poses.frames[rows], poses.rotations[rows], poses.root_positions_m[rows]
-        actions.append(write_action(main.armature, *keyed, skeleton, name=title, placement=how))
+        shown = OwnMotion(plan, poses.motion(skeleton))
+        if context.scene.perfanim_result.continue_here and character.animation_data is not None:
+            shown = continue_animation(context, character, plan, shown.motion, poses.frames)
+        keyed = poses.frames[rows], shown.motion.rotations[rows], shown.motion.root_positions_m[rows]
+        actions.append(write_with_plan(character, *keyed, shown.plan, name=title, placement=how))
         if settings(context).extend_scene:
             context.scene.frame_end = max(context.scene.frame_end, int(np.ceil(poses.frames[-1])))
     if motion.props or further:

@@ -23,6 +23,8 @@ from played import curves_of, key_times, played_poses, points_to_blender, select
 from solved_poses import performer_pose, write_poses
 from ticking import stop_and_keep, tick, tick_poses
 
+pytestmark = pytest.mark.usefixtures("as_recorded")
+
 FIRST, SECOND = default_skeleton(1.75), default_skeleton(1.60)
 ANNA = Subject("Anna", FIRST, load_marker_set("boxing"))
 BEN = Subject("Ben", SECOND, load_marker_set("boxing"))
