@@ -45,7 +45,7 @@ class _CleanUpOperator(UndoOperator):
 
     def run(self, context: bpy.types.Context) -> str:
         read = read_character_action(settings(context).armature)
-        if not any(self.properties.is_property_set(name) for name in ("first", "last", "start")):
+        if hasattr(self, "first") and not self.properties.is_property_set("first"):
             self.propose(context.scene, read)
         motion, frames = self.edited(read)
         write_character_action(read, motion, frames)
@@ -101,13 +101,13 @@ class PERFANIM_OT_shift_motion(_CleanUpOperator, bpy.types.Operator):
     """Move the motion in time, to begin at the playhead"""
 
     bl_label = "Shift in Time"
-    start: _frame("Start", "Frame at which the motion begins")
+    first: _frame("Start", "Frame at which the motion begins")
 
     def propose(self, scene: bpy.types.Scene, read: CharacterAction) -> None:
-        self.start = scene.frame_current
+        self.first = scene.frame_current
 
     def edited(self, read: CharacterAction) -> tuple[Motion, Array]:
-        return read.motion, read.frames - read.frames[0] + self.start
+        return read.motion, read.frames - read.frames[0] + self.first
 
 
 class PERFANIM_OT_loop_motion(_RangeOperator, bpy.types.Operator):

@@ -54,7 +54,7 @@ def test_trim_and_shift_move_the_keys(walker: Any) -> None:
     times = key_times(curves_of(walker))
     assert (times[0], times[-1], len(times)) == (20.0, 40.0, 21)
     assert np.allclose(places(walker, "lhand", (20, 40)), before, atol=1e-5)
-    run("shift_motion", start=101)
+    run("shift_motion", first=101)
     assert np.allclose(places(walker, "lhand", (101, 121)), before, atol=1e-5)
     with pytest.raises(RuntimeError, match="nothing of the motion would be left"):
         bpy.ops.perfanim.trim_motion("EXEC_DEFAULT", first=500, last=600)
