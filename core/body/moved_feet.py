@@ -22,7 +22,9 @@ class FeetSettings:
     planted_m_s: float = 0.3  # largest speed of its ball
     glide_m: float = 0.05  # a ball farther than this from the middle of its stand is not held
     fade_s: float = 0.15  # time in which a correction begins and ends
-    straightest: float = 0.9999  # longest reach, as a fraction of the leg's length
+    # longest reach, as a fraction of the leg's length, unless it is straighter already; beyond it, a millimetre turns
+    # the knee by degrees
+    straightest: float = 0.997
     hinge: float = 0.05  # weight of the knee's hinge axis in the normal of the leg's plane, for straight legs
     floor_percentile: float = 10.0  # percentile of the lower sole's heights that is the floor
 
@@ -117,17 +119,14 @@ def _bent(motion: Motion, offsets_m: Array) -> tuple[Motion, Array]:
         hinge = rot.rotate(world[:, tibia], np.array([FEET_SETTINGS.hinge, 0.0, 0.0]))
         normal = np.cross(_unit(thigh), _unit(shank)) + hinge
         first_m, second_m = (float(np.linalg.norm(skeleton.offsets_m[joint])) for joint in (tibia, foot))
+        stretched = np.linalg.norm(thigh + shank, axis=1) / (first_m + second_m)
+        straightest = np.clip(stretched, FEET_SETTINGS.straightest, 0.9999)
         ways = two_bone_directions(
-            c.components(target),
-            c.components(normal),
-            first_m,
-            second_m,
-            c.components(thigh + shank),
-            FEET_SETTINGS.straightest,
+            c.components(target), c.components(normal), first_m, second_m, c.components(thigh + shank), straightest
         )
         upper = rot.multiply(rot.between(thigh, c.stacked(ways[0])), world[:, femur])
         lower = rot.multiply(rot.between(shank, c.stacked(ways[1])), world[:, tibia])
-        longest_m = FEET_SETTINGS.straightest * (first_m + second_m)
+        longest_m = straightest * (first_m + second_m)
         across = np.sum(target[:, [0, 2]] ** 2, axis=1)
         missed = np.maximum(missed, -target[:, 1] - np.sqrt(np.maximum(longest_m**2 - across, 0.0)))
         above = world[:, skeleton.parents[femur]]

@@ -14,6 +14,7 @@ from perfanim.perfanim_addon.character.axes import BLENDER_FROM_WORLD
 
 LIMBS = (("humerus", "radius"), ("radius", "hand"), ("hand", "fingers"), ("foot", "toes"))
 _STANDS_M_S = 0.15
+_SPREAD_RAD = np.radians(15.0)
 
 
 @dataclass(frozen=True)
@@ -22,7 +23,7 @@ class Played:
 
     Args:
         direction_deg: limb -> (F,) angle between where it points and where the performer's does.
-        slide_cm_s: mean speed of the feet while the performer's stand, in the performer's centimetres.
+        slide_cm_s: mean horizontal speed of the feet while the performer's stand, in the performer's centimetres.
         own_slide_cm_s: of the performer's feet then.
         standing: how many frames of a foot these are.
         turn_deg: most that a bone turns from one frame to the next.
@@ -78,7 +79,12 @@ def measured(done: dict[str, Any], motion: Motion) -> Played:
             if start == "foot":  # ankles are of different height: what is flat on the floor is compared
                 upright = upright_foot(motion.skeleton, side)
                 flat = rot.rotate(upright, own) * [1.0, 0.0, 1.0]
-                way, own = way * [1.0, 1.0, 0.0], rot.rotate(rot.conjugate(upright), flat)
+                own = rot.rotate(rot.conjugate(upright), flat)
+                leg = rest[bones[side + "foot"]][:3, 3] - rest[bones[side + "femur"]][:3, 3]
+                lean = rot.between(leg * [1.0, 0.0, 1.0], np.array([0.0, 0.0, -1.0]))
+                # spread legs have tilted feet, as in the product's own rest pose
+                level = lean if rot.angle_between(lean, rot.identity()) > _SPREAD_RAD else rot.identity()
+                way = rot.rotate(rot.conjugate(level), rot.rotate(level, way) * [1.0, 1.0, 0.0])
             mine = since[side + start] @ way
             theirs = rot.rotate(world[:, motion.skeleton.index(side + start)], own) @ BLENDER_FROM_WORLD.T
             cosine = np.sum(mine * theirs, axis=-1) / np.linalg.norm(mine, axis=-1) / np.linalg.norm(theirs, axis=-1)
@@ -87,9 +93,10 @@ def measured(done: dict[str, Any], motion: Motion) -> Played:
     scale = done["scale"] * float(np.mean(np.array(armature_object.matrix_world.to_scale())))
     own_feet = positions[:, [motion.skeleton.index(side + kind) for side in "lr"]] @ BLENDER_FROM_WORLD.T
     feet = np.stack([found[bones[side + kind]][:, :3, 3] for side in "lr"], axis=1) / scale
-    own_speed = np.linalg.norm(np.diff(own_feet, axis=0), axis=-1) * motion.fps
-    speed = np.linalg.norm(np.diff(feet, axis=0), axis=-1) * motion.fps
-    standing = own_speed < _STANDS_M_S
+    standing = np.linalg.norm(np.diff(own_feet, axis=0), axis=-1) * motion.fps < _STANDS_M_S
+    own_speed, speed = (
+        np.linalg.norm(np.diff(each, axis=0)[..., :2], axis=-1) * motion.fps for each in (own_feet, feet)
+    )
     return Played(
         directions,
         100.0 * float(np.mean(speed[standing])),
