@@ -29,7 +29,11 @@ class PERFANIM_UL_joints(RowList, bpy.types.UIList):
         row.alert = item.state == MatchState.SUSPECT.value or (needed and item.state == MatchState.MISSING.value)
         split = row.split(factor=0.46, align=True)
         split.label(text=joint_label(item.name), icon=_ICONS.get(item.state, "ERROR" if needed else "RADIOBUT_OFF"))
-        split.prop_search(item, "bone", item.id_data.data, "bones", text="")
+        kept = item.id_data.perfanim_character
+        if kept.joints[min(kept.active, len(kept.joints) - 1)] == item:
+            split.prop_search(item, "bone", item.id_data.data, "bones", text="")
+        else:  # without the prefix that all names share, bones can be told apart in a narrow column
+            split.label(text=item.bone.rpartition(":")[2], icon="BONE_DATA" if item.bone else "NONE")
 
 
 class PERFANIM_MT_bone_maps(bpy.types.Menu):

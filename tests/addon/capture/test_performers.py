@@ -133,7 +133,7 @@ def test_a_new_character_stands_beside_the_first_as_the_performers_do(chosen: An
         )
     bpy.context.scene.frame_set(5)  # the timeline is free
     text = capture.keep(bpy.context)
-    assert text == "13 frames recorded in Capture, Capture Ben"
+    assert text == "13 frames recorded in Capture, Capture Ben: 0.2 s, scene frames 1 to 13"
     assert len(bpy.data.actions) == 2
     times = key_times(curves_of(second))
     np.testing.assert_allclose(times, np.arange(1.0 + SEEN, 14.0), atol=1e-3)
@@ -226,7 +226,7 @@ def test_a_character_deleted_meanwhile_does_no_harm(play: Any, ben: Any) -> None
     tick(capture, 10)
     text = capture.keep(bpy.context)
     capture.close()
-    assert text == "19 frames recorded in Capture, Capture Ben"
+    assert text == "19 frames recorded in Capture, Capture Ben: 0.3 s, scene frames 1 to 19"
     assert ben.armature.animation_data.action is bpy.data.actions["Capture Ben"]  # the motion is not lost
 
 
