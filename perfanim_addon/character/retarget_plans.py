@@ -62,6 +62,8 @@ def map_problem(armature_object: bpy.types.Object) -> str:
     """Return the reason why an armature cannot be driven, or ""; fast enough for drawing."""
     if armature_object.library is not None:
         return f"it is linked from another file; {_LINKED}"
+    if not armature_object.users_scene:
+        return "it was deleted from the scene; choose another, or none for a new character"
     return _problem(armature_object, stored_map) or _problem(armature_object, check_scale)
 
 

@@ -57,6 +57,8 @@ def end() -> None:
         activity.close()
     overlay.hide()
     if activity is not None:
+        for workspace in bpy.data.workspaces:
+            workspace.status_text_set(None)
         redraw_sidebars()
 
 

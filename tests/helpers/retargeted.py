@@ -40,11 +40,13 @@ class Played:
     arms_down_deg: float
 
 
-def played(armature_object: bpy.types.Object, frames: int, bones: Iterable[str]) -> dict[str, np.ndarray]:
+def played(
+    armature_object: bpy.types.Object, frames: int, bones: Iterable[str], first: int = 1
+) -> dict[str, np.ndarray]:
     """Matrices (F, 4, 4) of evaluated bones in the scene, one frame of the motion after the other."""
     scene = bpy.context.scene
     found: dict[str, list[np.ndarray]] = {name: [] for name in bones}
-    for frame in range(1, frames + 1):
+    for frame in range(first, first + frames):
         scene.frame_set(frame)
         posed = armature_object.evaluated_get(bpy.context.evaluated_depsgraph_get())
         for name in found:

@@ -31,17 +31,17 @@ class Stood:
     standing: np.ndarray
 
 
-def stood(done: dict[str, Any], motion: Motion) -> Stood:
-    """Measure what `retarget_file` has done; its scene is open, at one frame of the motion a frame."""
+def stood(done: dict[str, Any], motion: Motion, first: int = 1) -> Stood:
+    """Measure what `retarget_file` has done; its scene is open, at one frame of the motion a frame from the `first`."""
     armature_object = bpy.data.objects[done["armature"]]
     bones = done["mapped"]
     scale = done["scale"] * float(np.mean(np.array(armature_object.matrix_world.to_scale())))
     feet = [bones[side + "foot"] for side in "lr"]
-    matrices = played(armature_object, motion.frames, feet)
+    matrices = played(armature_object, motion.frames, feet, first)
     ankles = np.stack([matrices[foot][:, :3, 3] for foot in feet], axis=1)
     floor = float(armature_object.matrix_world.translation.z)
     soles = np.array(
-        [_lowest(armature_object, feet, frame + 1, ankles[frame], scale) for frame in range(motion.frames)]
+        [_lowest(armature_object, feet, first + frame, ankles[frame], scale) for frame in range(motion.frames)]
     )
     rest = {
         name: np.array(armature_object.matrix_world @ armature_object.data.bones[name].matrix_local) for name in feet
