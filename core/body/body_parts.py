@@ -14,3 +14,4 @@ PARTS: dict[str, tuple[str, ...]] = {"torso": SPINE_JOINTS[:3], "head": SPINE_JO
     for part, joints in _SIDED.items()
 }
 PART_JOINTS = {part: [JOINT_NAMES.index(joint) for joint in joints] for part, joints in PARTS.items()}
+FOOT_JOINTS = PARTS["left foot"] + PARTS["right foot"]

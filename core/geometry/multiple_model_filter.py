@@ -135,6 +135,10 @@ class MultipleModelFilter:
         variances = np.add.reduce(self._weights * (self._covariances[..., 0, 0] + spread), axis=1)
         return means, np.sqrt(np.maximum(variances, 1e-12))
 
+    def speeds(self) -> Array:
+        """Return the estimated speeds (N,), units per s."""
+        return np.asarray(np.linalg.norm((self._weights[:, None] @ self._states[:, :, 1])[:, 0], axis=1))
+
     def _move(self, elapsed_s: float) -> None:
         """Predict with each model, starting from a mixture of all models."""
         models = self._weights.shape[1]

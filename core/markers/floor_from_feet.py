@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..body.body_parts import FOOT_JOINTS
 from ..body.calibration_poses import standing
 from ..body.skeleton import Skeleton, forward_kinematics
 from ..body.standard_skeleton import default_skeleton
@@ -18,8 +19,6 @@ from .filtering import smooth_take
 from .marker_set import MarkerSet
 from .marker_take import MarkerTake
 from .steady_take import frame_times
-
-_FOOT_JOINTS = ("lfoot", "rfoot", "ltoes", "rtoes")
 
 
 @dataclass(frozen=True)
@@ -107,7 +106,7 @@ def _stance_points(take: MarkerTake, marker_set: MarkerSet, skeleton: Skeleton, 
     heights, times_s = _usual_heights(marker_set, skeleton), frame_times(take)
     found = []
     for marker, item in enumerate(marker_set.markers):
-        if item.joint not in _FOOT_JOINTS:
+        if item.joint not in FOOT_JOINTS:
             continue
         path = take.positions_m[:, columns[marker]] @ upright
         speed = np.linalg.norm(np.gradient(path, times_s, axis=0), axis=1) if len(path) > 1 else np.zeros(1)
@@ -127,7 +126,7 @@ def _usual_heights(marker_set: MarkerSet, skeleton: Skeleton) -> Array:
     """Return the heights (M,) of the markers above the floor on a standing person."""
     positions, _ = forward_kinematics(skeleton, standing(skeleton), np.zeros(3))
     markers = marker_set.positions_on(skeleton, standing(skeleton))
-    floor = min(positions[skeleton.index(name), 1] for name in _FOOT_JOINTS) - _S.sole_m
+    floor = min(positions[skeleton.index(name), 1] for name in FOOT_JOINTS) - _S.sole_m
     return np.asarray(markers[:, 1] - floor)
 
 

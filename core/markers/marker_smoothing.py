@@ -2,10 +2,11 @@
 
 Each marker passes a filter with several models, for a marker at rest, moving or striking (`MultipleModelFilter`).
 Lasting errors, like those of keypoints, remain in the positions and are included in their standard deviations. Exact
-markers are unchanged. A marker that is hidden for a moment is extrapolated, with a growing standard deviation. Live,
-markers that jump are doubted (`JumpGate`).
+markers are unchanged. A marker that is hidden for a moment is extrapolated, with a growing standard deviation; one on a
+standing foot stays where it was. Live, markers that jump are doubted (`JumpGate`).
 """
 
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -23,10 +24,21 @@ _MODELS = MotionModels(
     first_speed=2.0,
     first_acceleration=20.0,
 )
-_UNKNOWN_SIGMA_M = 1e-3  # noise assumed in the first frames
-# Factor by which the filters underestimate the error of hidden markers (1.2 to 1.8 on development takes, with noise and
-# without), and the largest standard deviation with which a hidden marker is used.
-_SUDDEN, _KNOWN_M = 1.75, 0.09
+
+
+@dataclass(frozen=True)
+class SmoothingSettings:
+    """Settings of `MarkerSmoother` and `smooth_markers`, chosen on development takes of CMU and Bandai-Namco."""
+
+    unknown_sigma_m: float = 1e-3  # noise assumed in the first frames
+    sudden: float = 1.75  # factor by which the filters underestimate the error of hidden markers
+    known_m: float = 0.09  # largest standard deviation with which a hidden marker is used
+    standing_m_s: float = 0.2  # speed below which the marker of a foot stands
+    standing_s: float = 1.0  # time for which a hidden marker of a standing foot is assumed to stay
+    standing_sigma_m: float = 0.005  # its standard deviation meanwhile
+
+
+_S = SmoothingSettings()
 
 
 class SmoothedMarkers(NamedTuple):
@@ -44,10 +56,16 @@ class MarkerSmoother:
         markers: Number of markers M.
         source: Errors to expect from their source.
         jumps: Settings of the gate for markers that jump.
+        feet: Mask (M,) of the markers on feet, which stay in place while hidden if they stood before.
     """
 
-    def __init__(self, markers: int, source: SourceNoise, jumps: JumpSettings | None = None) -> None:
+    def __init__(
+        self, markers: int, source: SourceNoise, jumps: JumpSettings | None = None, feet: Mask | None = None
+    ) -> None:
         self._noise, self._source = MarkerNoise(), source
+        self._feet = np.zeros(markers, dtype=bool) if feet is None else feet
+        self._stood_m = np.full((markers, 3), np.nan)  # last places of markers that stood when they were last seen
+        self._stood_s = np.full(markers, -np.inf)  # times at which they were seen there
         self._follower = MultipleModelFilter(_MODELS, markers)
         self._gate = JumpGate(markers, jumps)
         self._time_s = 0.0
@@ -67,9 +85,20 @@ class MarkerSmoother:
         if carried is not None:
             most_m = np.where(noise_m > 0.0, noise_m, self._source.most_fast_m)
             believed = self._gate.step(points_m, most_m, self._follower, carried, elapsed_s)
-        goes_on = _observe(self._follower, believed.points_m, np.where(noise_m > 0.0, noise_m, _UNKNOWN_SIGMA_M))
+        goes_on = _observe(self._follower, believed.points_m, np.where(noise_m > 0.0, noise_m, _S.unknown_sigma_m))
         smoothed_m, deviations_m = _known(believed.points_m, *self._follower.means(), goes_on)
+        standing = self._standing(believed.points_m, smoothed_m)
+        smoothed_m = np.where(standing[:, None], self._stood_m, smoothed_m)
+        deviations_m = np.where(standing, _S.standing_sigma_m, deviations_m)
         return SmoothedMarkers(smoothed_m, np.hypot(deviations_m, self._source.lasting_m), believed)
+
+    def _standing(self, points_m: Array, smoothed_m: Array) -> Mask:
+        """Return a mask (M,) of hidden markers that are assumed to stand where they were last seen."""
+        located = np.isfinite(points_m[:, 0])
+        stands = located & self._feet & (self._follower.speeds() < _S.standing_m_s)
+        self._stood_m[stands] = smoothed_m[stands]
+        self._stood_s[located] = np.where(stands[located], self._time_s, -np.inf)
+        return np.asarray(~located & (self._time_s - self._stood_s < _S.standing_s))
 
 
 def smooth_markers(times_s: Array, points_m: Array, source: SourceNoise) -> tuple[Array, Array]:
@@ -117,6 +146,6 @@ def _observe(follower: MultipleModelFilter, points_m: Array, noise_m: Array) -> 
 def _known(points_m: Array, means_m: Array, deviations_m: Array, goes_on: Mask) -> tuple[Array, Array]:
     """Return means, NaN for hidden markers that are no longer known well, and deviations."""
     located = np.isfinite(points_m[:, 0])
-    deviations_m = np.where(located, 1.0, _SUDDEN) * deviations_m
-    known = located | (goes_on & (deviations_m < _KNOWN_M))
+    deviations_m = np.where(located, 1.0, _S.sudden) * deviations_m
+    known = located | (goes_on & (deviations_m < _S.known_m))
     return np.where(known[:, None], means_m, np.nan), deviations_m

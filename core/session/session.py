@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..body.body_parts import FOOT_JOINTS
 from ..body.calibration_poses import t_pose
 from ..body.pose_notes import NoteKind, PoseNote, source_notes
 from ..body.pose_slew_limit import PoseSlewLimit
@@ -70,6 +71,7 @@ class Session:
         poses_m = examples.start_poses_m, examples.markers_m
         self._hypotheses = HypothesisTracker(cameras[0], self.solver, *poses_m) if self._has_one_camera else None
         self._source = noise_of(subject.marker_set.points)
+        self._feet = np.array([marker.joint in FOOT_JOINTS for marker in subject.marker_set.markers])
         self._quality = TrackingQuality(self._model.torso, self._has_one_camera, tracking_of(self._source))
         self._part_errors = PartErrors(self._model)
         self.reset()
@@ -145,7 +147,7 @@ class Session:
         self._marker_velocities = None
         self._apart_m = np.full((len(self.subject.marker_set), 3), np.nan)  # offsets of observed from solved markers
         self._labelled_s: float | None = None  # time at which one camera's labels were found
-        self._smoother = MarkerSmoother(len(self.subject.marker_set), self._source)
+        self._smoother = MarkerSmoother(len(self.subject.marker_set), self._source, feet=self._feet)
         self._quality.reset()
         if self._hypotheses is not None:
             self._hypotheses.reset()

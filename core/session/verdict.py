@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..body.body_parts import FOOT_JOINTS
 from ..body.body_size import HUMAN, girth_scale, stature_m
 from ..body.motion import Motion
 from ..body.posture import posture_of
@@ -20,7 +21,6 @@ from .limb_coverage import LimbCoverage, limb_coverage, parts_of
 
 GOOD = "good"
 
-_FEET = ("lfoot", "rfoot", "ltoes", "rtoes")
 _LEGS = ("left leg", "right leg", "left foot", "right foot")
 _LONG_BONES = {"femur": "thigh", "tibia": "shank", "humerus": "upper arm", "radius": "forearm"}
 
@@ -251,7 +251,7 @@ def _posture_reasons(motion: Motion, has_floor: bool) -> list[Reason]:
         return [Reason(ReasonKind.UPRIGHT, f"the body is {text} for the whole take; {advice}")]
     if not has_floor:
         return []
-    feet = [motion.skeleton.index(name) for name in _FEET]
+    feet = [motion.skeleton.index(name) for name in FOOT_JOINTS]
     lower = posture.positions_m[:, feet, 1].min(axis=1)
     lowest, usual = (float(np.percentile(lower, 100.0 * share)) for share in (_S.hover_share, 0.5))
     if lowest > _S.hover_m or usual < -_S.sink_m:

@@ -7,6 +7,7 @@ databases' folder (motion_prior*.npz) that was not trained on the performer.
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -15,7 +16,7 @@ from perfanim.core.body.motion import Motion, sliced
 from perfanim.core.body.motion_metrics import evaluate
 from perfanim.core.database.file_selection import subject_of
 from perfanim.core.database.store import Database, open_database
-from perfanim.core.simulate.simulated_markers import simulate_markers
+from perfanim.core.markers.marker_take import MarkerTake
 from perfanim.core.solver.settings import SolveSettings
 
 from .baseline import Baseline
@@ -25,7 +26,7 @@ from .run import Rows, Run
 from .scenarios import (
     ACCURACY_TAKES,
     BANDAI,
-    BASELINE,
+    BASELINES,
     CMU,
     DISTURBANCES,
     LIVE,
@@ -46,7 +47,6 @@ from .solving import (
     describe,
     feet_errors,
     solve_truth,
-    true_subject,
 )
 from .tables import groups, mean, paired_ratios
 
@@ -66,7 +66,7 @@ _KINDS = {
 _QUICK_METHODS = ("nearest", "best", TUNED)
 _FRAMES, _QUICK_FRAMES = 240, 120  # frames per take, full and quick: all takes need an hour, or ten minutes
 _MOMENTS = (0.2, 0.4, 0.6, 0.8)  # positions in a take that are pictured, as shares
-_PLOTTED = ("nearest", LIVE, OFFLINE, BASELINE, TUNED)
+_PLOTTED = ("nearest", LIVE, OFFLINE, BASELINES[OFFLINE], TUNED)
 _MEASURES = (*MEASURES, "foot_skate_truth_cm_s")
 
 
@@ -111,14 +111,16 @@ def accuracy(run: Run, baseline: Path | None = None, quick: bool = False) -> dic
     the default settings; the methods are all live, without the learned prior.
 
     Args:
-        baseline: Folder of another version, which solves the same takes with its own databases of the same motion.
+        baseline: Folder of another version, which solves the same takes with its own databases of the same motion and
+            the same learned priors.
         quick: Compare fewer methods, solve fewer frames, and disturb markers in only three ways with one seed.
 
     Returns:
         rows (condition, take, method, frames, errors, held feet, share of the nearest neighbour's error), means (the
-        same over the takes), ratios (paired, of two methods), disturbed and disturbed_means (live and offline with
-        noisy, missing, slow and fast markers), intervals (shares of errors within twice the expected error), confidence
-        (errors of its lowest and highest tenths), priors, databases, outputs.
+        same over the takes), ratios (paired, of two methods), disturbed, disturbed_means (live and offline with noisy,
+        missing, slow and fast markers), disturbed_ratios (the same relative to the other version), intervals (shares of
+        errors within twice the expected error), confidence (errors of its lowest and highest tenths), priors,
+        databases, outputs.
     """
     check_plots()
     frames = _QUICK_FRAMES if quick else _FRAMES
@@ -143,6 +145,7 @@ def accuracy(run: Run, baseline: Path | None = None, quick: bool = False) -> dic
         "ratios": _ratios(rows),
         "disturbed": disturbed,
         "disturbed_means": disturbed_means(disturbed, CONDITIONS),
+        "disturbed_ratios": _disturbed_ratios(disturbed) if baseline else [],
         "intervals": intervals,
         "confidence": confidence,
         "priors": {case.take.title: Path(case.settings.best.prior_file).name for case in cases},
@@ -185,13 +188,11 @@ def _solve(case: Case, baseline: tuple[Baseline, Path] | None, quick: bool) -> _
     """Return a case solved by all methods, in another process."""
     database, truth = open_database(case.database), case.truth
     faults, seeds = (QUICK_DISTURBANCES, SEEDS[:1]) if quick else (DISTURBANCES, SEEDS)
-    several = solve_disturbed(truth, database, case.settings, faults, seeds)
+    others = {name: partial(_solve_by, baseline, case, way == LIVE) for way, name in BASELINES.items() if baseline}
+    several = solve_disturbed(truth, database, case.settings, faults, seeds, others)
     methods = _QUICK_METHODS if quick else METHODS
     motions = {method: solve_truth(truth, database, METHODS[method]).motion for method in methods}
     motions |= {way: solved.motion for way, solved in several.clean.items()}
-    if baseline:
-        take, _ = simulate_markers(truth, true_subject(truth))
-        motions[BASELINE] = baseline[0].solve(take, case.skeleton, MARKER_SET, baseline[1])
     errors = {method: evaluate(motion, truth) for method, motion in motions.items()}
     rows = [
         case.of
@@ -206,10 +207,18 @@ def _solve(case: Case, baseline: tuple[Baseline, Path] | None, quick: bool) -> _
     return _Solved(rows, disturbed, live, errors[LIVE]["deg_per_joint"], several.expected)
 
 
+def _solve_by(baseline: tuple[Baseline, Path], case: Case, causal: bool, take: MarkerTake) -> Motion:
+    """Return the other version's solution of a take, with the learned prior that ours is solved with."""
+    product, database = baseline
+    best = case.settings.best
+    prior = Path(best.prior_file) if best.prior_share else None
+    return product.solve(take, case.skeleton, MARKER_SET, database, prior, causal)
+
+
 def _means(rows: Rows) -> list[dict[str, Any]]:
     found, means = groups(rows, "condition", "method"), []
     for condition in CONDITIONS:
-        for method in (*METHODS, LIVE, OFFLINE, BASELINE):
+        for method in (*METHODS, LIVE, OFFLINE):
             if of := found.get((condition, method)):
                 means.append(
                     {"condition": condition, "method": method, "takes": len(of)}
@@ -221,8 +230,18 @@ def _means(rows: Rows) -> list[dict[str, Any]]:
 
 def _ratios(rows: Rows) -> list[dict[str, Any]]:
     """Return all paired ratios: live and offline to the others, then offline to live."""
-    pairs = [(way, other) for other in (BASELINE, "best", TUNED) for way in (LIVE, OFFLINE)]
+    pairs = [(way, other) for other in ("best", TUNED) for way in (LIVE, OFFLINE)]
     return [row for pair in (*pairs, (OFFLINE, LIVE)) for row in paired_ratios(rows, *pair, CONDITIONS)]
+
+
+def _disturbed_ratios(rows: Rows) -> list[dict[str, Any]]:
+    """Return the ratios to the other version, by disturbance."""
+    return [
+        {"disturbance": name} | ratio
+        for (name,), of in groups([row | {"method": row["way"]} for row in rows], "disturbance").items()
+        for way, other in BASELINES.items()
+        for ratio in paired_ratios(of, way, other, CONDITIONS)
+    ]
 
 
 def _expectations(

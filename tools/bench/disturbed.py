@@ -1,6 +1,6 @@
 """The default settings with markers that are noisy, missing, slow or fast."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -97,27 +97,35 @@ def solve_disturbed(
     settings: SolveSettings,
     disturbances: Sequence[Disturbance],
     seeds: Sequence[int] = SEEDS,
+    others: Mapping[str, Callable[[MarkerTake], Motion]] | None = None,
 ) -> DisturbedTake:
     """Solve a take live and offline with each disturbance, the clean take first.
 
     Disturbances without randomness are solved once. Errors count from the first live pose on: before it, too few
     markers show where the body is.
+
+    Args:
+        others: Further ways to solve a take, by name; they get no views of single cameras.
     """
     subject = true_subject(truth)
     rows: list[dict[str, Any]] = []
     clean: Mapping[str, Way] = {}
     expected: dict[tuple[str, str], list[Expected]] = {}
     for disturbance in disturbances:
-        found: dict[str, list[dict[str, Any]]] = {LIVE: [], OFFLINE: []}
+        further = {} if disturbance.rays else others or {}
+        found: dict[str, list[dict[str, Any]]] = {way: [] for way in (LIVE, OFFLINE, *further)}
         for seed in seeds if disturbance.is_random else seeds[:1]:
             take, moved = disturbed_take(disturbance, truth, seed)
             ways = solve_both_ways(take, subject, database, settings)
             clean = clean or ways
             first, last = first_pose(ways[LIVE].poses), moved.frames
             seen = sliced(moved, first, last)
-            for way, solved in ways.items():
-                motion = sliced(solved.motion, first, last)
+            motions = {way: solved.motion for way, solved in ways.items()}
+            motions |= {way: solve(take) for way, solve in further.items()}
+            for way, whole in motions.items():
+                motion = sliced(whole, first, last)
                 found[way].append(evaluate(motion, seen) | feet_errors(motion, seen) | {_WAITED: first / moved.fps})
+            for way, solved in ways.items():
                 expected.setdefault((disturbance.name, way), []).append(expected_of(solved.poses[first:], seen))
         for way, errors in found.items():
             of = {"disturbance": disturbance.name, "way": way}

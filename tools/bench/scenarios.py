@@ -199,7 +199,8 @@ METHODS = {
     ),
     "best": SolveSettings(search="exhaustive", best=NO_PRIOR),
 }
-LIVE, OFFLINE, BASELINE = "live", "offline", "best of the other version"
+LIVE, OFFLINE = "live", "offline"
+BASELINES = {LIVE: "live of the other version", OFFLINE: "offline of the other version"}
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from perfanim.core.errors import FormatError
 from .baseline import Baseline
 from .keypoints import keypoints
 from .run import Rows, Run
-from .scenarios import BASELINE, CMU, LIVE, OFFLINE, SUITS
+from .scenarios import BASELINES, CMU, LIVE, OFFLINE, SUITS
 from .tables import geometric_mean, interval
 
 _USED = "9"  # number of markers to solve with
@@ -74,7 +74,7 @@ def _solve(name: str, path: Path, ours: _Version, theirs: _Version | None, folde
     use = ",".join(facts[OFFLINE]["used"])
     facts[LIVE] = solved_by(ours, use, "--causal")
     if theirs:
-        facts[BASELINE] = solved_by(theirs, use)
+        facts[BASELINES[OFFLINE]] = solved_by(theirs, use)
     return [
         {"take": name, "method": method, "frames": found["frames"], "used": use.replace(",", " ")}
         | {key: round(found[key], 3) for key in ("left_out_rms_mm", "marker_rms_mm")}
@@ -85,7 +85,12 @@ def _solve(name: str, path: Path, ours: _Version, theirs: _Version | None, folde
 def _ratio(rows: Rows, way: str) -> dict[str, Any]:
     """Return the distances relative to the other version's."""
     by = {(row["take"], row["method"]): row["left_out_rms_mm"] for row in rows}
-    ratios = np.array([by[take, way] / by[take, BASELINE] for take, method in by if method == way])
+    ratios = np.array([by[take, way] / by[take, BASELINES[OFFLINE]] for take, method in by if method == way])
     low, high = interval(np.log(ratios))
-    row = {"method": way, "other": BASELINE, "takes": len(ratios), "left_out": round(geometric_mean(ratios), 3)}
+    row = {
+        "method": way,
+        "other": BASELINES[OFFLINE],
+        "takes": len(ratios),
+        "left_out": round(geometric_mean(ratios), 3),
+    }
     return row | {"low": low, "high": high, "worst": round(float(ratios.max()), 3)}

@@ -45,7 +45,7 @@ def test_extrapolated_hidden_markers_reduce_errors(truth, subject, database, mon
         return evaluate(*(sliced(motion, first, truth.frames) for motion in (solved.motion, truth)))
 
     going_on = errors()
-    monkeypatch.setattr(marker_smoothing, "_KNOWN_M", 0.0)
+    monkeypatch.setattr(marker_smoothing, "_S", SmoothingSettings(known_m=0.0))
     nowhere = errors()
     assert going_on["mpjpe_mm"] < 0.9 * nowhere["mpjpe_mm"]
     assert going_on["jitter_ratio"] < 0.9 * nowhere["jitter_ratio"]
