@@ -7,7 +7,7 @@ from scipy.ndimage import gaussian_filter1d
 
 from ..errors import SettingsError
 from ..geometry import rotations as rot
-from ..geometry.arrays import Array
+from ..geometry.arrays import Array, IntArray
 from .mirroring import mirrored_points, mirrored_rotations
 from .motion import Motion
 from .moved_feet import smooth_step
@@ -99,7 +99,7 @@ def without_pop(motion: Motion, first: int, last: int) -> Motion:
     return replace(motion, rotations=rotations, root_positions_m=roots_m)
 
 
-def _cubic(known: Array, values: Array, wanted: Array) -> Array:
+def _cubic(known: IntArray, values: Array, wanted: IntArray) -> Array:
     """Return values between the middle two of four frames, with the speeds of the outer pairs (cubic Hermite)."""
     length = float(known[2] - known[1])
     s = ((wanted - known[1]) / length).reshape(-1, *(1,) * (values.ndim - 1))

@@ -117,7 +117,7 @@ def _bent(motion: Motion, offsets_m: Array) -> tuple[Motion, Array]:
         thigh, shank = positions[:, tibia] - positions[:, femur], positions[:, foot] - positions[:, tibia]
         target = thigh + shank + offsets_m[:, column]
         hinge = rot.rotate(world[:, tibia], np.array([FEET_SETTINGS.hinge, 0.0, 0.0]))
-        normal = np.cross(_unit(thigh), _unit(shank)) + hinge
+        normal = rot.cross(_unit(thigh), _unit(shank)) + hinge
         first_m, second_m = (float(np.linalg.norm(skeleton.offsets_m[joint])) for joint in (tibia, foot))
         stretched = np.linalg.norm(thigh + shank, axis=1) / (first_m + second_m)
         straightest = np.clip(stretched, FEET_SETTINGS.straightest, 0.9999)
