@@ -23,6 +23,7 @@ class LoopSettings:
 
     shortest_s: float = 0.6
     longest_s: float = 3.0
+    searched_s: float = 30.0  # time from the start of the motion that is searched
     blend_s: float = 0.3  # time before the end of the cycle in which it is blended
     speed_s: float = 0.1  # weight of the speeds of joints beside their positions
     least_step_m: float = 0.15  # smallest way of both feet against the hips
@@ -38,6 +39,7 @@ def looped(motion: Motion) -> Motion:
     Raises:
         SettingsError: The motion is too short, or no two moments of it are alike.
     """
+    motion = sliced(motion, 0, min(motion.frames, round(_SETTINGS.searched_s * motion.fps)))
     lead = max(2, round(_SETTINGS.blend_s * motion.fps))
     start, stop = _cycle(motion, lead)
     cycle, length = _straightened(sliced(motion, start - lead, stop + 1), lead), stop - start

@@ -64,7 +64,10 @@ def eased_around(values: Array, known: Mask, fps: float) -> Array:
         return np.zeros_like(values)
     flat = values.reshape(len(values), -1)
     held = np.stack([np.interp(frames, at, column[at]) for column in flat.T], axis=1).reshape(values.shape)
-    away = np.abs(frames - at[np.argmin(np.abs(frames[:, None] - at), axis=1)])
+    after = np.searchsorted(at, frames)
+    away = np.minimum(
+        np.abs(frames - at[np.maximum(after - 1, 0)]), np.abs(frames - at[np.minimum(after, len(at) - 1)])
+    )
     fade = smooth_step(1.0 - away / max(FEET_SETTINGS.fade_s * fps, 1.0))
     return held * fade.reshape(-1, *(1,) * (values.ndim - 1))
 
@@ -115,7 +118,7 @@ def _bent(motion: Motion, offsets_m: Array) -> tuple[Motion, Array]:
             continue
         femur, tibia, foot = (skeleton.index(side + name) for name in ("femur", "tibia", "foot"))
         thigh, shank = positions[:, tibia] - positions[:, femur], positions[:, foot] - positions[:, tibia]
-        target = thigh + shank + offsets_m[:, column]
+        target: Array = thigh + shank + offsets_m[:, column]
         hinge = rot.rotate(world[:, tibia], np.array([FEET_SETTINGS.hinge, 0.0, 0.0]))
         normal = rot.cross(_unit(thigh), _unit(shank)) + hinge
         first_m, second_m = (float(np.linalg.norm(skeleton.offsets_m[joint])) for joint in (tibia, foot))

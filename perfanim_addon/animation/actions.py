@@ -14,7 +14,7 @@ from ...core.geometry import rotations as rot
 from ...core.geometry.arrays import Array
 from ...core.retarget.character_fit import Adjustments
 from ...core.retarget.retargeter import CharacterPose, RetargetPlan, apply_plan
-from ..blender_versions import by_channel, curves_of, first_slot
+from ..blender_versions import by_channel, curves_of, first_slot, slot_of
 from ..character.armature_reading import clear_offsets, delta_transforms
 from ..character.bone_map_settings import stored_adjustments
 from ..character.create_character import find_armature
@@ -200,7 +200,9 @@ def refill_pose(
     pose: CharacterPose,
 ) -> Iterator[None]:
     """Set a key of a character's pose in each frame of an action's curves; yield after each bone."""
-    curves = by_channel(curves_of(action, first_slot(action)))
+    animation = armature_object.animation_data
+    slot = slot_of(animation) if animation is not None and animation.action == action else first_slot(action)
+    curves = by_channel(curves_of(action, slot))
     quaternions = rot.continuous(pose.rotations)
     channels = [(bone_path(name, "rotation_quaternion"), quaternions[:, i]) for i, name in enumerate(plan.bones)]
     channels += [(bone_path(name, "location"), pose.locations[:, i]) for i, name in enumerate(plan.located)]

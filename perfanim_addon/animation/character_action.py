@@ -55,9 +55,11 @@ def read_character_action(armature_object: bpy.types.Object) -> CharacterAction:
     advice = "in the Action Editor, choose the action, or put a take on the character"
     if action is None:
         raise CharacterError("has no active action", where=armature_object.name, advice=advice)
+    if not action.is_editable:
+        raise CharacterError("is linked from another file", where=action.name, advice="make the action local")
     (plan,) = own_body_plans(armature_object, [made_with(action)])
     own_body_plan(plan)
-    keep_in_quaternions(armature_object, plan.bones)
+    _turn_by_quaternions(armature_object, plan.bones)
     curves = by_channel(curves_of(action, slot_of(armature_object.animation_data)))
     keyed = [curve for (path, _), curve in curves.items() if path in _paths(plan)]
     if not keyed:
@@ -94,6 +96,17 @@ def readjust_action(armature_object: bpy.types.Object) -> None:
     for _ in refill_pose(armature_object, action, read.frames, after, pose):
         pass
     note_adjustments(action, wanted)
+
+
+def _turn_by_quaternions(armature_object: bpy.types.Object, bones: Sequence[str]) -> None:
+    """Change the rotation mode of bones to quaternions, with their animation and present pose."""
+    keep_in_quaternions(armature_object, bones)
+    for name in bones:
+        bone = armature_object.pose.bones[name]
+        if bone.rotation_mode != "QUATERNION":
+            turn = bone.matrix_basis.to_quaternion()
+            bone.rotation_mode = "QUATERNION"
+            bone.rotation_quaternion = turn
 
 
 def _paths(plan: RetargetPlan) -> list[str]:

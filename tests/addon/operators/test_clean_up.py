@@ -143,6 +143,27 @@ def test_feet_are_held(walker: Any) -> None:
     assert np.percentile(speed[low], 50) < 1e-4
 
 
+def test_keys_of_ones_own_in_euler_angles_are_mirrored(walker: Any) -> None:
+    """An action that was keyed by hand: the left arm's angles become the right arm's."""
+    walker.animation_data_clear()
+    for bone in walker.pose.bones:
+        bone.rotation_mode = "XYZ"
+    arm = walker.pose.bones["lhumerus"]
+    for frame, angle in ((1, 0.0), (20, 0.8)):
+        arm.rotation_euler = (angle, 0.0, 0.0)
+        arm.keyframe_insert("rotation_euler", frame=frame)
+    for bone in walker.pose.bones:
+        bone.keyframe_insert("rotation_euler", frame=1)
+    walker.pose.bones["root"].keyframe_insert("location", frame=1)
+    hands = [places(walker, bone, (20,))[0] for bone in ("lhand", "rhand")]
+    run("mirror_motion")
+    mirrored = [places(walker, bone, (20,))[0] for bone in ("lhand", "rhand")]
+    root = places(walker, "root", (20,))[0]
+    for before, after in zip(hands, reversed(mirrored), strict=True):
+        assert np.allclose((after - root)[1:], (before - root)[1:], atol=2e-3)
+        assert np.isclose((after - root)[0], -(before - root)[0], atol=2e-3)
+
+
 def test_a_character_without_an_action_says_so(chosen: Any, new_character: Any) -> None:
     chosen.armature = new_character(clip("walking-01-neutral", 2).skeleton)
     with pytest.raises(RuntimeError, match="The character has no active action"):
