@@ -118,14 +118,15 @@ def _bent(motion: Motion, offsets_m: Array) -> tuple[Motion, Array]:
             continue
         femur, tibia, foot = (skeleton.index(side + name) for name in ("femur", "tibia", "foot"))
         thigh, shank = positions[:, tibia] - positions[:, femur], positions[:, foot] - positions[:, tibia]
-        target: Array = thigh + shank + offsets_m[:, column]
+        reach: Array = thigh + shank
+        target: Array = reach + offsets_m[:, column]
         hinge = rot.rotate(world[:, tibia], np.array([FEET_SETTINGS.hinge, 0.0, 0.0]))
-        normal = rot.cross(_unit(thigh), _unit(shank)) + hinge
+        normal: Array = rot.cross(_unit(thigh), _unit(shank)) + hinge
         first_m, second_m = (float(np.linalg.norm(skeleton.offsets_m[joint])) for joint in (tibia, foot))
-        stretched = np.linalg.norm(thigh + shank, axis=1) / (first_m + second_m)
+        stretched = np.linalg.norm(reach, axis=1) / (first_m + second_m)
         straightest = np.clip(stretched, FEET_SETTINGS.straightest, 0.9999)
         ways = two_bone_directions(
-            c.components(target), c.components(normal), first_m, second_m, c.components(thigh + shank), straightest
+            c.components(target), c.components(normal), first_m, second_m, c.components(reach), straightest
         )
         upper = rot.multiply(rot.between(thigh, c.stacked(ways[0])), world[:, femur])
         lower = rot.multiply(rot.between(shank, c.stacked(ways[1])), world[:, tibia])
