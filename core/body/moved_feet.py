@@ -118,7 +118,7 @@ def _bent(motion: Motion, offsets_m: Array) -> tuple[Motion, Array]:
             continue
         femur, tibia, foot = (skeleton.index(side + name) for name in ("femur", "tibia", "foot"))
         thigh, shank = positions[:, tibia] - positions[:, femur], positions[:, foot] - positions[:, tibia]
-        reach: Array = thigh + shank
+        reach = np.asarray(thigh + shank, dtype=np.float64)
         target: Array = reach + offsets_m[:, column]
         hinge = rot.rotate(world[:, tibia], np.array([FEET_SETTINGS.hinge, 0.0, 0.0]))
         normal: Array = rot.cross(_unit(thigh), _unit(shank)) + hinge
