@@ -2,9 +2,9 @@
 
 Live, a pose depends on earlier frames only. A recorded take is also solved backwards, with the database's motion
 reversed in time. The errors of the two solutions differ, so the solutions are averaged, with each part of the body
-weighted by its expected errors, and low-pass filtered. This determines whatever the markers do not. The poses are then
-fitted again to the smoothed markers, whose gaps are filled by means of that average, and the remaining jitter is
-filtered out.
+weighted by its expected errors, and low-pass filtered. This determines whatever the markers do not. A marker that
+leaves its place on that body for a moment is wild: it is left out, and the take is solved again. The poses are then
+fitted to the smoothed markers, whose gaps are filled by means of the average, and the remaining jitter is filtered out.
 """
 
 import math
@@ -13,18 +13,19 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
 from ..body.body_parts import PART_JOINTS, PARTS
 from ..body.clock import Clock, clock_of
 from ..body.motion import Motion
-from ..body.pose_notes import NoteKind
+from ..body.pose_notes import NoteKind, PoseNote
 from ..body.scene_pose import PerformerPose
 from ..body.skeleton import forward_kinematics
 from ..database.store import pose_from_rotations
 from ..formats.markers.recorded_take import take_of_poses
 from ..geometry import rotations as rot
-from ..geometry.arrays import Array, runs
+from ..geometry.arrays import Array, Mask, runs
 from ..geometry.camera import Camera
 from ..markers.filtering import smooth_poses
 from ..markers.gap_filling import fill_gaps
@@ -34,6 +35,7 @@ from ..solver.motion_prior import PriorEstimate
 from ..solver.observation import Observation
 from ..solver.pose_solver import PoseSolver
 from ..solver.subject_model import RootPose
+from .leaving_markers import leaves_body
 from .part_errors import PartErrors
 
 _SHORTEST = 12  # length of the shortest stretch that is solved again, frames
@@ -83,11 +85,42 @@ class TwoWaySolver:
         return _started(result)
 
     def _solve(self, poses: Sequence[PerformerPose], progress: Callable[[float], None]) -> list[PerformerPose]:
-        observations = _smoothed(poses, [self._observation(pose) for pose in poses], self._source)
-        trajectories = (_live_trajectory(poses), _backward_trajectory(self._backward, poses, observations, progress))
         clock = clock_of(np.array([pose.time_s for pose in poses]))
-        trajectory = _blended(trajectories, clock.mean_fps)
+        observations = self._observations(poses)
+        backward = _trajectory(self._backward, poses, observations, lambda share: progress(0.5 * share), -1)
+        trajectory = _blended((_live_trajectory(poses), backward), clock.mean_fps)
+        suspected = self._off_body(poses, trajectory, clock, judged=False)
+        if suspected.any():
+            # the body may have followed wild markers, and then true ones seem wild: it decides without any of them
+            left = self._observations([_without(*of) for of in zip(poses, suspected, strict=True)])
+            again = [
+                _trajectory(self._solver, poses, left, lambda share: progress(0.5 + 0.25 * share), 1),
+                _trajectory(self._backward, poses, left, lambda share: progress(0.75 + 0.25 * share), -1),
+            ]
+            other = _blended(again, clock.mean_fps)
+            wild = suspected & self._off_body(poses, other, clock, judged=True)
+            if wild.any():
+                texts, trajectory = np.array(self._solver.subject.subject.marker_set.texts), other
+                poses = [
+                    _noted(_without(pose, left_out), texts[left_out])
+                    for pose, left_out in zip(poses, wild, strict=True)
+                ]
+                observations = self._observations(poses)
+        progress(1.0)
         return self._calm(self._fitted(poses, trajectory, clock, observations), clock)
+
+    def _observations(self, poses: Sequence[PerformerPose]) -> list[Observation]:
+        """Return the markers of poses, smoothed in both directions of time."""
+        return _smoothed(poses, [self._observation(pose) for pose in poses], self._source)
+
+    def _off_body(self, poses: Sequence[PerformerPose], trajectory: _Trajectory, clock: Clock, judged: bool) -> Mask:
+        """Return a mask (F, M) of the markers that leave their places on a moving body for a moment."""
+        motion = self._low_passed(trajectory.rotations, trajectory.root_positions_m, clock, _SMOOTH_HZ)
+        model = self._solver.subject
+        vectors = pose_from_rotations(motion.rotations, model.mean_rotations)
+        worn_m = model.markers(vectors, RootPose(motion.rotations[:, 0], motion.root_positions_m))
+        seen_m = np.array([pose.observed_m for pose in poses])
+        return leaves_body(seen_m, worn_m, clock.fps, self._source, judged)
 
     def _observation(self, pose: PerformerPose) -> Observation:
         """Return the markers of a pose as an observation, which is empty if they do not fit the body."""
@@ -163,6 +196,15 @@ class TwoWaySolver:
         return Motion("", clock.fps, self._solver.subject.skeleton, *poses)
 
 
+def _without(pose: PerformerPose, markers: Mask) -> PerformerPose:
+    """Return a pose without some of its observed markers (M,)."""
+    return replace(pose, observed_m=np.where(markers[:, None], np.nan, pose.observed_m))
+
+
+def _noted(pose: PerformerPose, jumped: NDArray[np.str_]) -> PerformerPose:
+    return replace(pose, notes=(*pose.notes, PoseNote.jumped(jumped))) if len(jumped) else pose
+
+
 def _joints_m(motion: Motion) -> Array:
     return forward_kinematics(motion.skeleton, motion.rotations, motion.root_positions_m)[0]
 
@@ -232,42 +274,46 @@ def _live_trajectory(poses: Sequence[PerformerPose]) -> _Trajectory:
     )
 
 
-def _backward_trajectory(
+def _trajectory(
     solver: PoseSolver,
     poses: Sequence[PerformerPose],
     observations: Sequence[Observation],
     progress: Callable[[float], None],
+    way: int,
 ) -> _Trajectory:
-    """Return a stretch solved backwards from its end; errors are infinite where it could not be solved.
+    """Return a stretch solved in one direction of time; errors are infinite where it could not be solved.
 
     Args:
-        solver: Solver for the time-reversed take.
+        solver: Solver for that direction.
         poses: Live poses, which give the starting position and replace poses that are not solved.
+        way: 1 for forwards, -1 for backwards.
     """
     live, part_errors = _live_trajectory(poses), PartErrors(solver.subject)
     unsolved = (np.full_like(errors, np.inf) for errors in (live.errors_deg, live.joint_errors_deg))
     trajectory = _Trajectory(live.rotations.copy(), live.root_positions_m.copy(), *unsolved)
-    state = replace(solver.initial_state, markers_m=poses[-1].markers_m)
+    order = range(len(poses))[::way]
+    state = replace(solver.initial_state, markers_m=poses[order[0]].markers_m)
     seen = [(observation, pose.markers_m) for observation, pose in zip(observations, poses, strict=True)]
     times_s = np.array([pose.time_s for pose in poses])
-    learned: list[PriorEstimate | None] = []  # learned priors of the frames to come, the next frame's last
-    for done, index in enumerate(reversed(range(len(poses)))):
+    learned: dict[int, PriorEstimate | None] = {}  # learned priors of the frames to come
+    for done, index in enumerate(order):
         if done % _REPORT_EVERY == 0:
             progress(done / len(poses))
-        if not learned:
+        if index not in learned:
             # priors are computed forwards in time, because the network was trained on forward motion
-            first, stop = max(index + 1 - _TOGETHER, 0), index + 1
+            first, stop = sorted((index, index + way * (_TOGETHER - 1)))
+            first, stop = max(first, 0), min(stop + 1, len(poses))
             earliest = int(np.searchsorted(times_s, times_s[first] - 2.0 * solver.best.longest_s))
-            learned = solver.best.learned_priors(seen[earliest:stop], times_s[earliest:stop])[first - earliest :]
-        solution, state = solver.step(state, observations[index], -poses[index].time_s, learned=learned.pop())
+            found = solver.best.learned_priors(seen[earliest:stop], times_s[earliest:stop])[first - earliest :]
+            learned = dict(zip(range(first, stop), found, strict=True))
+        solution, state = solver.step(state, observations[index], way * poses[index].time_s, learned=learned[index])
         if solution is None:
             continue
         trajectory.rotations[index] = solver.subject.rotations(solution.pose, solution.root)
         trajectory.root_positions_m[index] = solution.root.position_m
-        joints_deg = part_errors.expected_joints_deg(solution)  # known, as only "best" solves backwards
+        joints_deg = part_errors.expected_joints_deg(solution)  # known, as only "best" solves in both directions
         trajectory.errors_deg[index] = part_errors.expected_deg(joints_deg)
         trajectory.joint_errors_deg[index] = joints_deg
-    progress(1.0)
     return trajectory
 
 

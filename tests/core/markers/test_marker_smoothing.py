@@ -125,3 +125,26 @@ def test_lasting_errors_of_keypoints_stay_and_are_counted():
     wanted = np.add(moving(), [0.0, 0.03, 0.0])
     assert rms(found - wanted)[STILL] < 0.8 * rms(exact - wanted)[STILL]  # their noise is above that of any marker
     np.testing.assert_allclose(found[SETTLED, STILL].mean(axis=0), wanted[0, STILL], atol=0.003)
+
+
+@pytest.mark.parametrize("feet", [True, False])
+def test_hidden_marker_of_a_standing_foot_stays(feet):
+    points = noisy(0.001)
+    points[100:140, [STILL, ARM]] = np.nan
+    smoother = MarkerSmoother(points.shape[1], EXACT, feet=np.full(points.shape[1], feet))
+    frames = [smoother.step(*frame) for frame in zip(TIMES_S, points, strict=True)]
+    found, deviations = (np.array([frame[part] for frame in frames]) for part in (0, 1))
+    assert np.isnan(found[120:140, ARM]).all()  # it moved when it was last seen
+    if feet:
+        assert np.abs(found[100:140, STILL] - moving()[100:140, STILL]).max() < 0.003
+        assert deviations[100:140, STILL].max() < 0.01
+    else:
+        assert np.isnan(found[139, STILL]).all() or deviations[139, STILL] > 0.05
+
+
+def test_foot_that_stays_hidden_is_given_up():
+    points = np.broadcast_to([0.1, 0.05, 0.2], (240, 1, 3)).copy()
+    points[100:] = np.nan
+    smoother = MarkerSmoother(1, EXACT, feet=np.ones(1, dtype=bool))
+    found = np.array([smoother.step(*frame).points_m for frame in zip(TIMES_S, points, strict=True)])
+    assert np.isfinite(found[150]).all() and np.isnan(found[170]).all()

@@ -8,6 +8,7 @@ from perfanim.core.formats.motion.read_motion import read_motion
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.markers import marker_smoothing
 from perfanim.core.markers.marker_set import load_marker_set
+from perfanim.core.markers.marker_smoothing import SmoothingSettings
 from perfanim.core.markers.subject import Subject
 from perfanim.core.session.solve_take import solve_take
 from perfanim.core.simulate.simulated_markers import simulate_markers

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from perfanim.core.body.motion_metrics import evaluate
+from perfanim.core.body.pose_notes import NoteKind
 from perfanim.core.markers.take_frames import take_frames
 from perfanim.core.session.delayed_poses import calm_performer
 from perfanim.core.session.session import Session
@@ -113,3 +114,20 @@ def test_cancellation_is_possible_at_any_moment(take, subject, database):
 
         with pytest.raises(KeyboardInterrupt):
             solve_take(frames_of(take, slice(0, 20)), subject, database, SolveSettings(), cancel)
+
+
+def test_wild_markers_in_the_first_frames_and_in_a_crowd_are_left_out(subject, database, truth):
+    """A path alone does not show what is wild at its end, nor whether three markers at once are the body."""
+    clean = simulate_markers(truth, subject, noise_mm=1.0, seed=5)[0]
+    wild = np.zeros(clean.positions_m.shape[:2], dtype=bool)
+    wild[0, [0, 3]] = wild[30, [0, 1, 7]] = True
+    away = np.random.default_rng(6).normal(size=(*wild.shape, 3))
+    away *= 0.1 / np.linalg.norm(away, axis=-1, keepdims=True)
+    faulty = replace(clean, positions_m=clean.positions_m + wild[..., None] * away)
+    (best, solved) = (solve_take(take, subject, database, SolveSettings(), silent) for take in (clean, faulty))
+    observed = np.array([pose.observed_m for pose in solved.poses_of()])
+    assert np.isnan(observed[wild]).all()
+    assert np.isfinite(observed[~wild]).mean() > 0.99
+    errors, least = (evaluate(each.motion, truth) for each in (solved, best))
+    assert errors["mpjpe_mm"] < 1.05 * least["mpjpe_mm"] and errors["jitter_ratio"] < 1.2 * least["jitter_ratio"]
+    assert any(note.kind is NoteKind.JUMPED for note in solved.poses_of()[30].notes)
