@@ -18,6 +18,7 @@ from sybil.parsers.markdown import CodeBlockParser, PythonCodeBlockParser
 # first words of a command -> why it is not run; its arguments are parsed all the same (tests/tools/test_documents.py)
 LEFT_OUT = {
     "perfanim calibrate cameras --camera a=a.mp4": "needs videos of a ChArUco board by three cameras",
+    "perfanim calibrate cameras --by-": "needs videos of a person, or of waved markers",
     "perfanim network get": "needs the internet; the tests of the network have its file",
     "perfanim track --cameras cameras.toml --left left.mp4 --right right.mp4 --people": "needs videos of a person",
     "perfanim solve walk.take.npz --out walk.bvh": "needs such a take",

@@ -34,6 +34,7 @@ _PANELS = (  # in the order of the sidebar
     "capture_panel",
     "targets_panel",
     "takes_panel",
+    "clean_up_panel",
     "sketch_panel",
     "batch_panel",
     "alignment",

@@ -46,7 +46,12 @@ def reach_with_two_bones(
 
 
 def two_bone_directions(
-    reach: c.Vector, normal: c.Vector, first_m: float, second_m: float, unreached: c.Vector, straightest: float = 0.9995
+    reach: c.Vector,
+    normal: c.Vector,
+    first_m: float,
+    second_m: float,
+    unreached: c.Vector,
+    straightest: c.Part = 0.9995,
 ) -> tuple[c.Vector, c.Vector]:
     """Return the directions of two bones that bring their end to `reach`; all positions are relative to their start.
 

@@ -1,7 +1,8 @@
 """Alignment of a character's rest pose with the standard rest pose: facing, size, limbs.
 
 Trunk, clavicles, neck and head are upright in any rest pose and keep the character's own shape. Soles are flat, so feet
-are only turned about the vertical. Hands are also turned about the forearm until the palms face down.
+are turned about the vertical, and tilted like those of the standard rest pose, whose legs are spread. Hands are also
+turned about the forearm until the palms face down.
 """
 
 from collections.abc import Mapping
@@ -11,11 +12,13 @@ from itertools import product
 import numpy as np
 
 from ..body.skeleton import Skeleton
+from ..body.soles import upright_foot
 from ..errors import CharacterError
 from ..geometry import rotations as rot
 from ..geometry.arrays import Array
 from .armature_rest import ArmatureRest
 from .bone_name_parser import parse_bone_name
+from .character_fit import PLAIN_FIT, CharacterFit
 from .limb_detection import cosine
 from .rest_alignment import ABOVE, BONE_ENDS, bone_end, facing, limb_turns, up_and_left
 
@@ -40,13 +43,18 @@ class RestAlignment:
 
 
 def align_character(
-    skeleton: Skeleton, rest: ArmatureRest, joints: Mapping[str, int], same_body: bool = False
+    skeleton: Skeleton,
+    rest: ArmatureRest,
+    joints: Mapping[str, int],
+    same_body: bool = False,
+    fit: CharacterFit = PLAIN_FIT,
 ) -> RestAlignment:
     """Return the alignment of a character's rest pose with the standard one.
 
     Args:
         joints: Joint -> bone index, at least for hips, thighs and upper arms.
         same_body: The character has the performer's proportions: hands follow the forearms, feet keep their direction.
+        fit: Its skin shows whether the feet of spread legs are flat; its foot pitch raises the toes.
 
     Raises:
         CharacterError: Left and right are unclear, or the legs have no length.
@@ -56,7 +64,14 @@ def align_character(
     scale = _leg_lengths(skeleton, rest, joints)
     heads = rest.heads @ frame / scale
     tails = rest.tails @ frame / scale
-    turns = _turns(skeleton, rest, joints, heads, tails, same_body)
+    pitch = rot.from_rotation_vector(np.radians([-fit.adjustments.foot_pitch_deg, 0.0, 0.0]))
+    feet = {}
+    for side in "" if same_body else "lr":
+        if side + "foot" in joints:
+            skin_m = fit.skins[side].points @ frame / scale if side in fit.skins else np.empty((0, 3))
+            levelling = _levelling(joints, heads, side, skin_m)
+            feet[side + "foot"] = _foot_turn(skeleton, joints, heads, side, pitch, levelling)
+    turns = _turns(skeleton, rest, joints, heads, tails, feet, same_body)
     return RestAlignment(frame, scale, heads, turns)
 
 
@@ -73,7 +88,13 @@ def _leg_lengths(skeleton: Skeleton, rest: ArmatureRest, joints: Mapping[str, in
 
 
 def _turns(
-    skeleton: Skeleton, rest: ArmatureRest, joints: Mapping[str, int], heads: Array, tails: Array, same_body: bool
+    skeleton: Skeleton,
+    rest: ArmatureRest,
+    joints: Mapping[str, int],
+    heads: Array,
+    tails: Array,
+    feet: Mapping[str, Array],
+    same_body: bool,
 ) -> dict[str, Array]:
     names = [name for name in skeleton.names if name in joints]
     followed = {**ABOVE, "toes": ("foot",), "fingers": _HAND_ABOVE, "thumb": _HAND_ABOVE}
@@ -84,8 +105,7 @@ def _turns(
             if direction is not None:
                 directions[name] = direction
     wanted = {name: _wanted(skeleton, name, joints) for name in directions}
-    headings = {name: _heading(skeleton, joints, heads, name[0]) for name in names if name[1:] == "foot"}
-    turns = limb_turns(names, directions, wanted, followed, {} if same_body else headings)
+    turns = limb_turns(names, directions, wanted, followed, feet)
     for side in () if same_body else "lr":
         _face_palm_down(skeleton, rest, joints, heads, turns, side)
     return turns
@@ -118,14 +138,33 @@ def bone_direction(
     return None
 
 
-def _heading(skeleton: Skeleton, joints: Mapping[str, int], heads: Array, side: str) -> Array:
-    """Return the rotation about the vertical from the character's to the performer's foot direction."""
-    if side + "toes" not in joints:
+def _levelling(joints: Mapping[str, int], heads: Array, side: str, skin_m: Array) -> Array:
+    """Return the rotation (4,) that makes a foot at rest flat: none, or that which makes the leg upright.
+
+    Args:
+        skin_m: Points (P, 3) of the foot's mesh. The flat foot is the one whose ankle is nearer to its lowest point.
+    """
+    ankle = heads[joints[side + "foot"]]
+    leg = ankle - heads[joints[side + "femur"]]
+    if len(skin_m) == 0:
         return rot.identity()
-    way = heads[joints[side + "toes"]] - heads[joints[side + "foot"]]
-    wanted = skeleton.offsets_m[skeleton.index(side + "toes")]
+    ways = (rot.identity(), rot.between([leg[0], leg[1], 0.0], [0.0, -1.0, 0.0]))
+    lowest = [float(np.min(rot.rotate(way, skin_m - ankle)[:, 1])) for way in ways]
+    return ways[int(np.argmax(lowest))]
+
+
+def _foot_turn(
+    skeleton: Skeleton, joints: Mapping[str, int], heads: Array, side: str, pitch: Array, levelling: Array
+) -> Array:
+    """Return the rotation from the character's foot to the tilted one of the standard rest pose."""
+    upright = upright_foot(skeleton, side)
+    turn = rot.multiply(rot.conjugate(upright), pitch)
+    if side + "toes" not in joints:
+        return rot.multiply(turn, levelling)
+    way = rot.rotate(levelling, heads[joints[side + "toes"]] - heads[joints[side + "foot"]])
+    wanted = rot.rotate(upright, skeleton.offsets_m[skeleton.index(side + "toes")])
     angle = np.arctan2(wanted[0], wanted[2]) - np.arctan2(way[0], way[2])
-    return rot.from_rotation_vector(np.array([0.0, angle, 0.0]))
+    return rot.multiply(rot.multiply(turn, rot.from_rotation_vector(np.array([0.0, angle, 0.0]))), levelling)
 
 
 def _face_palm_down(

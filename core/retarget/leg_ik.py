@@ -1,11 +1,16 @@
-"""Inverse kinematics of a character's legs: it puts the balls of the feet where the performer's are."""
+"""Inverse kinematics of a character's legs: it puts the feet where the performer's are.
+
+The ball of each foot is above the same place as the performer's, and the sole is as high above the floor: where the
+performer stands, the lowest point of the character's sole is on the floor, whatever its rest pose stands on.
+"""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ..body.skeleton import Skeleton
+from ..body.soles import Sole, performer_sole, upright_foot
 from ..geometry import quaternion_components as c
 from ..geometry import rotations as rot
 from ..geometry.arrays import Array
@@ -17,7 +22,6 @@ from .character_rest_pose import RestAlignment
 class LegSettings:
     """Proportions of legs, and lowering of the hips for a foot that is out of reach."""
 
-    ball_above_sole: float = 0.029  # height of the ball of a standing foot above the floor, in leg lengths
     reach: float = 0.9995  # largest stretch of a leg, in leg lengths
     softness: float = 0.005  # range over which the lowering sets in smoothly, in leg lengths
     standing_cosine: float = 0.75  # cosine between leg and vertical above which the hips are lowered fully
@@ -30,10 +34,15 @@ _SETTINGS = LegSettings()
 
 @dataclass(frozen=True)
 class _Leg:
-    """Indices and lengths of a leg, in the performer's metres; values named `own` are the performer's."""
+    """Indices and lengths of a leg, in the performer's metres; values named `own` are the performer's.
+
+    Args:
+        joints: Thigh, shank, foot and toes among the performer's joints.
+        places: The same among the driven bones; without a bone for the toes, the foot's stands for them.
+    """
 
     joints: tuple[int, ...]
-    places: tuple[int, int]
+    places: tuple[int, ...]
     own_hip: c.Vector
     own_thigh_m: float
     own_shank_m: float
@@ -44,7 +53,8 @@ class _Leg:
     shank_m: float
     from_middle: c.Vector
     ankle_shift: c.Vector
-    ball_up: float
+    own_sole: Sole
+    sole: Sole
 
 
 @dataclass(frozen=True)
@@ -65,24 +75,33 @@ class LegPlan:
     Args:
         hips_to_middle: Vector from the hips' head to the midpoint between the thighs.
         own_middle: The same for the performer.
-        hips_up: Height added to the hips so that the soles are on the floor.
+        hips_up: Height added to the hips, because the character's ankles are higher above its soles.
         legs: Legs with knee and ankle; others keep the rotations of their joints.
+        softness: Range over which the lowering sets in smoothly, in leg lengths.
     """
 
     hips_to_middle: c.Vector
     own_middle: c.Vector
     hips_up: float
     legs: tuple[_Leg, ...]
+    softness: float = _SETTINGS.softness
 
 
 def plan_legs(
-    skeleton: Skeleton, alignment: RestAlignment, joints: Mapping[str, int], places: Mapping[int, int]
+    skeleton: Skeleton,
+    alignment: RestAlignment,
+    joints: Mapping[str, int],
+    places: Mapping[int, int],
+    soles: Mapping[str, Sole],
+    hip_height_m: float = 0.0,
 ) -> LegPlan:
     """Compare the legs of a character with the performer's.
 
     Args:
         joints: Joint -> index of the character's bone.
         places: Index of a bone -> its index among the driven bones.
+        soles: Side -> the character's sole, for sides with a foot.
+        hip_height_m: Height added to the hips.
     """
     heads = alignment.heads_m
     middle = 0.5 * (heads[joints["lfemur"]] + heads[joints["rfemur"]])
@@ -90,21 +109,26 @@ def plan_legs(
     legs, up = [], []
     for side in "lr":
         if all(side + name in joints for name in ("femur", "tibia", "foot")):
-            leg, leg_up = _plan_leg(skeleton, alignment, joints, places, side)
+            leg, leg_up = _plan_leg(skeleton, alignment, joints, places, side, soles[side])
             legs.append(leg)
             up.append(leg_up)
     return LegPlan(
         c.components(middle - heads[joints["root"]]),
         c.components(np.mean(thighs, axis=0)),
-        float(np.mean(up)) if up else 0.0,
+        hip_height_m + (float(np.mean(up)) if up else 0.0),
         tuple(legs),
     )
 
 
 def _plan_leg(
-    skeleton: Skeleton, alignment: RestAlignment, joints: Mapping[str, int], places: Mapping[int, int], side: str
+    skeleton: Skeleton,
+    alignment: RestAlignment,
+    joints: Mapping[str, int],
+    places: Mapping[int, int],
+    side: str,
+    sole: Sole,
 ) -> tuple[_Leg, float]:
-    """Return a leg and its contribution to the height of the hips."""
+    """Return a leg and how much higher its ankle is above the sole of a standing foot than the performer's."""
     heads = alignment.heads_m
     middle = 0.5 * (heads[joints["lfemur"]] + heads[joints["rfemur"]])
     thigh, shank, own_ball = (skeleton.offsets_m[skeleton.index(side + n)] for n in ("tibia", "foot", "toes"))
@@ -113,13 +137,13 @@ def _plan_leg(
     if side + "toes" in joints:
         to_ball = rot.rotate(alignment.turns[side + "foot"], heads[joints[side + "toes"]] - heads[foot])
     lengths = [float(np.linalg.norm(heads[b] - heads[a])) for a, b in ((femur, tibia), (tibia, foot))]
-    # the character's ball is this much higher than the performer's when planted; ankle and hips are raised by it, too
-    ball_up = float(heads[foot, 1] + to_ball[1]) - _SETTINGS.ball_above_sole * sum(lengths)
+    own_sole, upright = performer_sole(skeleton, side), upright_foot(skeleton, side)
+    toes = joints.get(side + "toes", foot)
     # the hinge points to the left (down x back), because knees bend the shank backwards
     hinge = np.cross(thigh, [0.0, 0.0, -1.0])
     leg = _Leg(
-        joints=tuple(skeleton.index(side + name) for name in ("femur", "tibia", "foot")),
-        places=(places[femur], places[tibia]),
+        joints=tuple(skeleton.index(side + name) for name in ("femur", "tibia", "foot", "toes")),
+        places=tuple(places[bone] for bone in (femur, tibia, foot, toes)),
         own_hip=c.components(skeleton.offsets_m[skeleton.index(side + "femur")]),
         own_thigh_m=float(np.linalg.norm(thigh)),
         own_shank_m=float(np.linalg.norm(shank)),
@@ -130,9 +154,10 @@ def _plan_leg(
         shank_m=lengths[1],
         from_middle=c.components(heads[femur] - middle),
         ankle_shift=c.components(own_ball - to_ball),
-        ball_up=ball_up,
+        own_sole=own_sole,
+        sole=sole,
     )
-    return leg, ball_up - float(to_ball[1] - own_ball[1])
+    return leg, float(own_sole.lowest_m(upright, upright) - sole.lowest_m(upright, upright))
 
 
 def bend_legs(plan: LegPlan, world: Array, root: c.Quaternion, position: c.Vector, turned: Array) -> c.Vector:
@@ -143,38 +168,50 @@ def bend_legs(plan: LegPlan, world: Array, root: c.Quaternion, position: c.Vecto
         turned: World rotations (..., N, 4) of the driven bones; those of the legs are changed.
     """
     middle = c.plus(c.plus(position, c.rotate(root, plan.own_middle)), (0.0, plan.hips_up, 0.0))
-    steps = [_step(leg, world, root, position) for leg in plan.legs]
+    steps = [_step(leg, world, root, position, turned) for leg in plan.legs]
     hips = [c.plus(middle, c.rotate(root, leg.from_middle)) for leg in plan.legs]
     if steps:
-        lower = _lowering(plan.legs, [c.minus(step.ankle, hip) for step, hip in zip(steps, hips, strict=True)])
+        lower = _lowering(plan, [c.minus(step.ankle, hip) for step, hip in zip(steps, hips, strict=True)])
         middle = c.minus(middle, (0.0, lower, 0.0))
         for leg, step, hip in zip(plan.legs, steps, hips, strict=True):
             _bend_leg(leg, step, c.minus(step.ankle, c.minus(hip, (0.0, lower, 0.0))), turned)
     return c.minus(middle, c.rotate(root, plan.hips_to_middle))
 
 
-def _step(leg: _Leg, world: Array, root: c.Quaternion, position: c.Vector) -> _Step:
-    upper, lower, end = (c.components(world[..., joint, :]) for joint in leg.joints)
+def _step(leg: _Leg, world: Array, root: c.Quaternion, position: c.Vector, turned: Array) -> _Step:
+    upper, lower, end = (c.components(world[..., joint, :]) for joint in leg.joints[:3])
     thigh_way, shank_way = c.rotate(upper, leg.thigh_way), c.rotate(lower, leg.shank_way)
     ankle = c.plus(position, c.rotate(root, leg.own_hip))
     ankle = c.plus(ankle, c.plus(c.times(leg.own_thigh_m, thigh_way), c.times(leg.own_shank_m, shank_way)))
-    ankle = c.plus(c.plus(ankle, c.rotate(end, leg.ankle_shift)), (0.0, leg.ball_up, 0.0))
-    return _Step(upper, lower, thigh_way, shank_way, ankle)
+    sole_m = ankle[1] + leg.own_sole.lowest_m(*(world[..., joint, :] for joint in leg.joints[2:]))
+    height = sole_m - leg.sole.lowest_m(*(turned[..., place, :] for place in leg.places[2:]))
+    x, _, z = c.plus(ankle, c.rotate(end, leg.ankle_shift))
+    return _Step(upper, lower, thigh_way, shank_way, (x, height, z))
 
 
-def _lowering(legs: Sequence[_Leg], reaches: Sequence[c.Vector]) -> c.Part:
+def readjusted_legs(before: LegPlan, after: LegPlan) -> LegPlan:
+    """Return a plan for poses of a character's own body that were made with one plan, as another would make them."""
+    legs = tuple(
+        replace(leg, own_sole=own.sole, ankle_shift=c.minus(leg.ankle_shift, own.ankle_shift))
+        for own, leg in zip(before.legs, after.legs, strict=True)
+    )
+    # without softness, a pose that is made again and again stays the same
+    return replace(after, hips_up=after.hips_up - before.hips_up, legs=legs, softness=0.0)
+
+
+def _lowering(plan: LegPlan, reaches: Sequence[c.Vector]) -> c.Part:
     """Return how far to lower the hips, metres, so that standing legs reach the floor.
 
     Args:
         reaches: Vectors from each hip to the target of its ankle.
     """
     lowest: c.Part = 0.0
-    for leg, reach in zip(legs, reaches, strict=True):
+    for leg, reach in zip(plan.legs, reaches, strict=True):
         limit = _SETTINGS.reach * (leg.thigh_m + leg.shank_m)
         across = reach[0] * reach[0] + reach[2] * reach[2]
         down = -reach[1]
         over = down - c.maximum(limit * limit - across, 0.0) ** 0.5
-        over = 0.5 * (over + (over * over + (_SETTINGS.softness * limit) ** 2) ** 0.5)
+        over = 0.5 * (over + (over * over + (plan.softness * limit) ** 2) ** 0.5)
         cosine, raised = down / ((across + down * down) ** 0.5 + 1e-9), _SETTINGS.raised_cosine
         steep = (cosine - raised) / (_SETTINGS.standing_cosine - raised)
         lowest = c.maximum(lowest, over * c.minimum(c.maximum(steep, 0.0), 1.0))

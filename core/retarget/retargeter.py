@@ -2,8 +2,9 @@
 
 A plan is made once per character and then applied to each pose independently. Each mapped bone takes its joint's world
 orientation, corrected by the alignment of the rest poses. Trunk and neck bones between two mapped ones are
-interpolated. The hips' travel is scaled by the ratio of leg lengths. Two-bone inverse kinematics puts the balls of the
-feet where the performer's are, so planted feet stay planted; the hips are lowered if a leg is too short.
+interpolated. The hips' travel is scaled by the ratio of leg lengths. Two-bone inverse kinematics puts the feet where
+the performer's are, with the soles as high above the floor, so planted feet stay planted; the hips are lowered if a leg
+is too short. The floor is the armature's origin, whatever the rest pose stands on.
 """
 
 from collections.abc import Mapping, Sequence
@@ -19,7 +20,9 @@ from ..geometry import rotations as rot
 from ..geometry.arrays import Array, IntArray
 from .armature_rest import ArmatureRest
 from .bone_map import BoneMap
+from .character_fit import PLAIN_FIT, CharacterFit
 from .character_rest_pose import RestAlignment, align_character
+from .character_soles import character_sole
 from .driven_bones import DrivenBone, driven_ancestors, driven_bones, root_bone
 from .leg_ik import LegPlan, bend_legs, plan_legs
 
@@ -92,15 +95,19 @@ class RetargetPlan:
 
     Args:
         joints: Joint -> index of the character's bone.
+        places: Joint -> index of its bone among the driven bones.
         root_motion: Receiver of the root motion; the hips if the armature has no root bone.
         driven: Names of the bones turned by joints.
         bones: Names of all bones turned, in the order of `CharacterPose.rotations`.
         located: Names of the bones moved, in the order of `CharacterPose.locations`.
         is_direct: The bones follow the joints one to one, without inverse kinematics or interpolation.
+        adjusted: Indices (A,) of the driven bones that adjustments turn together with what they carry.
+        adjustments: Rotations (A, 4) of these bones in their own axes.
     """
 
     skeleton: Skeleton
     joints: Mapping[str, int]
+    places: Mapping[str, int]
     alignment: RestAlignment
     root_motion: RootMotion
     driven: tuple[str, ...]
@@ -113,6 +120,8 @@ class RetargetPlan:
     legs: LegPlan | None
     forearms: tuple[tuple[int, int, c.Vector], ...]
     carriers: _Carriers
+    adjusted: IntArray
+    adjustments: Array
 
 
 def plan_retarget(
@@ -122,6 +131,7 @@ def plan_retarget(
     root_motion: RootMotion = RootMotion.HIPS,
     ancestors: IntArray | None = None,
     same_body: bool = False,
+    fit: CharacterFit = PLAIN_FIT,
 ) -> RetargetPlan:
     """Plan the retargeting of a performer's motion onto a character.
 
@@ -131,12 +141,18 @@ def plan_retarget(
             other than its parent.
         same_body: The character has the performer's proportions: no inverse kinematics, and hands and feet keep their
             directions.
+        fit: Skin of the feet and corrections of each pose; not for `same_body`.
 
     Raises:
         CharacterError: The character's rest pose is not usable.
     """
     joints = {joint: rest.index[bone] for joint, bone in bone_map.bones.items()}
-    alignment = align_character(skeleton, rest, joints, same_body)
+    alignment = align_character(skeleton, rest, joints, same_body, fit)
+    soles = {
+        side: character_sole(rest, alignment, joints, side, fit.skins.get(side))
+        for side in ("" if same_body else "lr")
+        if side + "foot" in joints
+    }
     root = root_bone(rest, joints["root"]) if root_motion is RootMotion.ROOT_BONE else -1
     if root_motion is RootMotion.ROOT_BONE and root < 0:
         root_motion = RootMotion.HIPS
@@ -148,9 +164,11 @@ def plan_retarget(
     names = tuple(rest.names[bone] for bone in order)
     mover = rest.mover(joints["root"])
     carrier = (rest.names[root],) if root >= 0 else ()
+    limbs = {} if same_body else fit.adjustments.turns(joints)
     return RetargetPlan(
         skeleton=skeleton,
         joints=joints,
+        places={joint: places[bone] for joint, bone in joints.items()},
         alignment=alignment,
         root_motion=root_motion,
         driven=names,
@@ -160,9 +178,11 @@ def plan_retarget(
         blend=blend,
         ancestors=follows,
         maps=_bone_maps(rest, alignment, driven, follows),
-        legs=None if same_body else plan_legs(skeleton, alignment, joints, places),
+        legs=None if same_body else plan_legs(skeleton, alignment, joints, places, soles, fit.adjustments.hip_height_m),
         forearms=_forearms(skeleton, joints, places),
         carriers=_carriers(rest, joints["root"], places[joints["root"]], root),
+        adjusted=np.array([places[joints[joint]] for joint in limbs], dtype=np.int64),
+        adjustments=_in_bone_axes(rest, alignment, joints, limbs),
     )
 
 
@@ -230,6 +250,18 @@ def _bone_maps(
     return np.ascontiguousarray(np.swapaxes(columns, -1, -2))
 
 
+def _in_bone_axes(
+    rest: ArmatureRest, alignment: RestAlignment, joints: Mapping[str, int], turns: Mapping[str, Array]
+) -> Array:
+    """Return rotations (A, 4) of joints in the standard rest pose in the axes of their bones."""
+    found = []
+    for joint, turn in turns.items():
+        axes = rot.from_matrix(alignment.armature_from_world.T @ rest.axes[joints[joint]])
+        own = rot.multiply(alignment.turns[joint], axes)
+        found.append(rot.multiply(rot.multiply(rot.conjugate(own), turn), own))
+    return np.array(found).reshape(-1, 4)
+
+
 def _forearms(
     skeleton: Skeleton, joints: Mapping[str, int], places: Mapping[int, int]
 ) -> tuple[tuple[int, int, c.Vector], ...]:
@@ -278,7 +310,10 @@ def _blender_rotations(plan: RetargetPlan, turned: Array, heading: Array | None)
     if heading is not None:
         above[..., plan.carriers.hips, :] = heading
     relative = rot.multiply(rot.conjugate(above), turned)
-    return np.asarray(np.matmul(plan.maps, relative[..., None])[..., 0])
+    bones = np.matmul(plan.maps, relative[..., None])[..., 0]
+    if len(plan.adjusted):
+        bones[..., plan.adjusted, :] = rot.multiply(bones[..., plan.adjusted, :], plan.adjustments)
+    return np.asarray(bones)
 
 
 def _in_armature(plan: RetargetPlan, positions_m: Array) -> Array:

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..body.motion import Motion
+from ..geometry.arrays import Array
 from ..markers.marker_set import MarkerSet
 from ..markers.marker_take import MarkerTake
 from .simulated_markers import simulate_markers
@@ -35,13 +36,26 @@ def simulate_keypoints(
     """
     random = np.random.default_rng(seed)
     count = len(keypoints)
-    own = random.normal(size=(count, 3))
-    own *= random.uniform(*errors.own_m, (count, 1)) / np.linalg.norm(own, axis=1, keepdims=True)
+    own = own_offsets(count, random, errors)
     take, _ = simulate_markers(motion, keypoints.with_offsets(keypoints.offsets_m + own))
+    positions_m = take.positions_m + keypoint_errors(motion.frames, count, motion.fps, random, errors)
+    return replace(take, positions_m=positions_m)
+
+
+def own_offsets(count: int, random: np.random.Generator, errors: KeypointErrors = USUAL) -> Array:
+    """Return the constant offsets (count, 3) of a random person's keypoints."""
+    own = random.normal(size=(count, 3))
+    return np.asarray(own * random.uniform(*errors.own_m, (count, 1)) / np.linalg.norm(own, axis=1, keepdims=True))
+
+
+def keypoint_errors(
+    frames: int, count: int, fps: float, random: np.random.Generator, errors: KeypointErrors = USUAL
+) -> Array:
+    """Return the random errors (frames, count, 3) of keypoints: slow ones, and those of each frame."""
     # the slow errors are Ornstein-Uhlenbeck processes
-    keep = np.exp(-1.0 / (motion.fps * random.uniform(*errors.slow_s, (count, 1))))
-    slow = random.normal(size=(motion.frames, count, 3))
-    for frame in range(1, motion.frames):
+    keep = np.exp(-1.0 / (fps * random.uniform(*errors.slow_s, (count, 1))))
+    slow = random.normal(size=(frames, count, 3))
+    for frame in range(1, frames):
         slow[frame] = keep * slow[frame - 1] + np.sqrt(1.0 - keep**2) * slow[frame]
     fast = random.normal(0.0, errors.fast_m, slow.shape)
-    return replace(take, positions_m=take.positions_m + errors.slow_m * slow + fast)
+    return np.asarray(errors.slow_m * slow + fast)

@@ -1,5 +1,6 @@
 """Placement of a new action: active action or NLA strip."""
 
+import re
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from enum import Enum
@@ -38,7 +39,8 @@ def new_action(animation: bpy.types.AnimData, name: str, onto: PlacementMode) ->
     """Return a new action without curves; for a strip, first push the active action down."""
     if onto is not PlacementMode.ACTION:
         _push_down(animation)
-    action = bpy.data.actions.new(name)
+    # Blender would count on from the seconds of a take's name: 18.36.00, 18.36.001
+    action = bpy.data.actions.new(re.sub(r"\b(\d\d)\.(\d\d)\.(\d\d)\b", r"\1:\2:\3", name))
     action.use_fake_user = True
     return action
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager
+from dataclasses import astuple
 
 import bpy
 import numpy as np
@@ -11,9 +12,11 @@ from ...core.body.skeleton import Skeleton
 from ...core.errors import CharacterError
 from ...core.geometry import rotations as rot
 from ...core.geometry.arrays import Array
-from ...core.retarget.retargeter import RetargetPlan, apply_plan
-from ..blender_versions import by_channel, curves_of, first_slot
+from ...core.retarget.character_fit import Adjustments
+from ...core.retarget.retargeter import CharacterPose, RetargetPlan, apply_plan
+from ..blender_versions import by_channel, curves_of, first_slot, slot_of
 from ..character.armature_reading import clear_offsets, delta_transforms
+from ..character.bone_map_settings import stored_adjustments
 from ..character.create_character import find_armature
 from ..character.retarget_plans import plan_for
 from .action_placement import Placement, PlacementMode, new_action, place_action
@@ -21,6 +24,7 @@ from .keyframes import KeyWriter, bone_path, fill
 from .quaternion_curves import keep_in_quaternions
 
 _OBJECT_GROUP = "Object Transforms"  # name used by Blender
+_ADJUSTED = "perfanim_adjustments"  # custom property of an action: the adjustments that its keys were made with
 _NEW = Placement()
 
 
@@ -120,6 +124,7 @@ def write_with_plan(
         turns, ways = delta_transforms(armature_object, pose.object_rotation, pose.object_location)
         writer.rotate("delta_rotation_quaternion", _OBJECT_GROUP, rot.continuous(turns))
         writer.move("delta_location", _OBJECT_GROUP, ways)
+    note_adjustments(action, stored_adjustments(armature_object))
     place_action(animation, action, frames, placement.onto, blend)
     return str(action.name)
 
@@ -184,8 +189,20 @@ def refill_action(
     plan: RetargetPlan,
 ) -> Iterator[None]:
     """Set a key in each frame of an action's curves; yield after each bone. Arguments as in `write_with_plan`."""
-    curves = by_channel(curves_of(action, first_slot(action)))
-    pose = apply_plan(plan, rotations, root_positions_m)
+    yield from refill_pose(armature_object, action, frames, plan, apply_plan(plan, rotations, root_positions_m))
+
+
+def refill_pose(
+    armature_object: bpy.types.Object,
+    action: bpy.types.Action,
+    frames: Array,
+    plan: RetargetPlan,
+    pose: CharacterPose,
+) -> Iterator[None]:
+    """Set a key of a character's pose in each frame of an action's curves; yield after each bone."""
+    animation = armature_object.animation_data
+    slot = slot_of(animation) if animation is not None and animation.action == action else first_slot(action)
+    curves = by_channel(curves_of(action, slot))
     quaternions = rot.continuous(pose.rotations)
     channels = [(bone_path(name, "rotation_quaternion"), quaternions[:, i]) for i, name in enumerate(plan.bones)]
     channels += [(bone_path(name, "location"), pose.locations[:, i]) for i, name in enumerate(plan.located)]
@@ -199,3 +216,15 @@ def refill_action(
                 curve.keyframe_points.clear()
                 fill(curve, frames, channel, straight=True)
         yield
+
+
+def note_adjustments(action: bpy.types.Action, adjustments: Adjustments) -> None:
+    """Store the adjustments that an action's keys were made with."""
+    if made_with(action) != adjustments:
+        action[_ADJUSTED] = list(astuple(adjustments))
+
+
+def made_with(action: bpy.types.Action) -> Adjustments:
+    """Return the adjustments that an action's keys were made with."""
+    kept = action.get(_ADJUSTED)
+    return Adjustments(*map(float, kept)) if kept is not None and len(kept) == 4 else Adjustments()

@@ -10,6 +10,7 @@ from ...core.geometry.arrays import IntArray
 from ...core.retarget.retargeter import apply_plan
 from ..animation.quaternion_curves import keep_in_quaternions
 from ..character.armature_reading import clear_offsets, delta_transforms
+from ..character.bone_map_settings import stored_adjustments
 from ..character.create_character import find_armature
 from ..character.part_bones import PARTS, bones_of_parts
 from ..character.retarget_plans import plan_for
@@ -42,6 +43,7 @@ class ArmatureDriver:
         """Read the armature's rest pose again, for example after an edit; errors are those of the constructor."""
         armature_object = find_armature(self.object_name)
         self.plan = plan_for(armature_object, self._skeleton)
+        self._adjusted = stored_adjustments(armature_object)
         bones = armature_object.pose.bones
         places = {bone.name: index for index, bone in enumerate(bones)}
         self.only = bones_of_parts(armature_object, self.plan, self._parts)
@@ -68,7 +70,7 @@ class ArmatureDriver:
         self._last = rotations, root_position_m
         armature_object = find_armature(self.object_name)
         bones = armature_object.pose.bones
-        if len(bones) != len(self._quaternions):
+        if len(bones) != len(self._quaternions) or stored_adjustments(armature_object) != self._adjusted:
             self.bind()
         bones.foreach_get("rotation_mode", self._modes)
         if np.any(self._modes[self._order] != _QUATERNION_MODE):

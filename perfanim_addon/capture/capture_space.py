@@ -32,6 +32,10 @@ class RigidOffset:
         turned[..., 0, :] = rot.multiply(self.turn, turned[..., 0, :])
         return turned, rot.rotate(self.turn, np.asarray(root_positions_m, dtype=np.float64)) + self.shift_m
 
+    def apply_to_prop(self, rotations: Array, positions_m: Array) -> tuple[Array, Array]:
+        """Transform rotations (..., 4) and positions (..., 3) of a prop."""
+        return rot.multiply(self.turn, rotations), rot.rotate(self.turn, positions_m) + self.shift_m
+
 
 class CaptureSpace:
     """Capture space in the scene, at a character's position and with its scale."""

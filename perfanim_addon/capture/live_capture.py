@@ -216,7 +216,10 @@ class LiveCapture:
         span = None if recorded == (all_poses[0].number, all_poses[-1].number) else recorded
         with contextlib.suppress(PerfanimError):  # there may be no take, because of a full disk or a killed worker
             take_library.mark_captured(self.take_path, capture_request.shape(settings(context)), span)
+        spans = [f"{part.frames(part.clock)[0]:.0f} to {part.frames(part.clock)[-1]:.0f}" for part in parts]
+        seconds = sum(part.poses[-1].time_s - part.poses[0].time_s for part in parts)
         text = f"{sum(len(part.poses) for part in parts)} frames recorded in {', '.join(actions)}"
+        text += f": {seconds:.1f} s, scene frames {', '.join(spans)}"
         return f"{text}; {self.run.persistent_warning}" if self.run and self.run.persistent_warning else text
 
 

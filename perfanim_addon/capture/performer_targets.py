@@ -33,7 +33,7 @@ class PerformerTarget:
     def character(self) -> bpy.types.Object | None:
         """Return the character, or None if there is none or it was deleted."""
         found = bpy.data.objects.get(self.armature) if self.armature else None
-        return found if self.index == 0 or _is_in_scene(found) else None
+        return found if _is_in_scene(found) else None
 
     def ensure_character(self, context: bpy.types.Context, space: CaptureSpace | None) -> "PerformerTarget":
         """Return the target with a character; if it has none, add one and choose it.
@@ -45,7 +45,7 @@ class PerformerTarget:
             return self
         if space is None:
             chosen = settings(context)
-            name = chosen.armature.name if not self.armature and chosen.armature else ""
+            name = chosen.armature.name if _is_in_scene(chosen.armature) and not self.armature else ""
             return replace(self, armature=name or add_character(context, self.subject.skeleton), only=None)
         entries = context.scene.perfanim_targets.entries
         entry = entries[self.entry] if self.entry is not None and self.entry < len(entries) else None

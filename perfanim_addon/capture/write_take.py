@@ -7,23 +7,28 @@ from functools import cached_property
 import bpy
 import numpy as np
 
-from ...core.body.clock import Clock, clock_of, poses_at
+from ...core.body.clock import CLOCK, Clock, clock_of, poses_at
 from ...core.body.foot_lock import floor_of
+from ...core.body.motion import Motion
+from ...core.body.moved_feet import floor_height_m
 from ...core.body.scene_pose import DOUBTFUL, PerformerPose, ScenePose
+from ...core.body.skeleton import Skeleton
+from ...core.body.standing_on_floor import on_floor
 from ...core.formats.take_file.take_reader import TakeFile
+from ...core.geometry import rotations as rot
 from ...core.geometry.arrays import Array, Mask
 from ...core.markers.prop import Prop
 from ...core.retarget.retargeter import RetargetPlan
 from ...core.session.pose_filters import FilterSettings, filter_poses
 from ..animation.action_placement import Placement, PlacementMode
-from ..animation.actions import scene_fps, write_action, write_object_action, write_with_plan
-from ..character.create_character import find_armature
+from ..animation.actions import scene_fps, write_object_action, write_with_plan
 from ..character.part_bones import part_of_bones
 from ..character.retarget_plans import plan_for
 from ..settings import target_settings
 from ..settings.capture_settings import settings
 from ..settings.result_settings import placement
-from .capture_space import CaptureSpace
+from .capture_space import CaptureSpace, RigidOffset
+from .continue_take import OwnMotion, continue_animation
 from .performer_targets import PerformerTarget
 
 
@@ -46,19 +51,33 @@ class RecordedPart:
     @cached_property
     def clock(self) -> Clock:
         """Clock of the poses; a single pose lasts a second."""
-        return clock_of(np.array([pose.time_s for pose in self.poses]), stated_fps=1.0)
+        scene = bpy.context.scene
+        clock = clock_of(np.array([pose.time_s for pose in self.poses]), stated_fps=1.0)
+        return clock.at(scene_fps(scene)) if scene.perfanim_result.whole_frames else clock
 
     def steady(self, performer: int, first: int = 0) -> "_SteadyPoses":
         """Return the poses of a performer, from the `first` one on, at the steady rate."""
-        clock = self.clock.part(first, len(self.poses)) if first else self.clock
-        poses = [pose.performers[performer] for pose in self.poses[first:]]
-        rotations, roots_m = np.stack([p.rotations for p in poses]), np.stack([p.root_position_m for p in poses])
-        nearest = [poses[row] for row in clock.nearest]
-        return _SteadyPoses(self.frames(clock), *clock.poses(rotations, roots_m), nearest)
+        clock = self.clock
+        known = clock.rows >= first
+        shown = clock.steady_s >= clock.times_s[known][0] - CLOCK.same / clock.fps
+        poses = [pose.performers[performer] for pose in self.poses]
+        if clock.is_whole and not first:
+            rotations, roots_m = _stacked(poses)
+        else:
+            wanted_s = np.maximum(clock.steady_s[shown], clock.times_s[known][0])
+            rotations, roots_m = poses_at(
+                clock.times_s[known], *_stacked([poses[row] for row in clock.rows[known]]), wanted_s
+            )
+        nearest = [poses[max(row, first)] for row in clock.nearest[shown]]
+        return _SteadyPoses(self.frames(clock)[shown], clock.fps, rotations, roots_m, nearest)
 
     def frames(self, clock: Clock) -> Array:
         """Return the scene frames (N,) of a clock's steady times."""
         return self.start_frame + (clock.steady_s - self.clock.times_s[0]) * scene_fps(bpy.context.scene)
+
+
+def _stacked(poses: Sequence[PerformerPose]) -> tuple[Array, Array]:
+    return np.stack([pose.rotations for pose in poses]), np.stack([pose.root_position_m for pose in poses])
 
 
 @dataclass(frozen=True)
@@ -66,9 +85,48 @@ class _SteadyPoses:
     """Poses of a performer at a steady rate, in scene frames (N,), with the solved pose nearest to each."""
 
     frames: Array
+    fps: float
     rotations: Array
     root_positions_m: Array
     nearest: Sequence[PerformerPose]
+
+    def motion(self, skeleton: Skeleton) -> Motion:
+        """Return the poses as a motion."""
+        return Motion("take", self.fps, skeleton, self.rotations, self.root_positions_m)
+
+
+@dataclass(frozen=True)
+class _Placing:
+    """Where a take goes in the capture space of the first character.
+
+    Args:
+        floor_m: Height of the take's floor if standing feet are put on it, else None.
+        offset: Offset of the take; without the height of the floor.
+    """
+
+    floor_m: float | None
+    offset: RigidOffset
+
+    @classmethod
+    def of(cls, context: bpy.types.Context, poses: _SteadyPoses, skeleton: Skeleton, space: CaptureSpace) -> "_Placing":
+        """Return the placing chosen in the result settings, for the first performer's poses."""
+        chosen = context.scene.perfanim_result
+        turn = rot.from_rotation_vector(np.array([0.0, chosen.turn, 0.0]))
+        start_m = poses.root_positions_m[0] * [1.0, 0.0, 1.0]
+        shift_m = space.points_from_scene(chosen.offset) - space.points_from_scene(np.zeros(3))
+        offset = RigidOffset(turn, start_m - rot.rotate(turn, start_m) + shift_m)
+        return cls(floor_height_m(poses.motion(skeleton)) if chosen.on_floor else None, offset)
+
+    def of_performer(self, poses: _SteadyPoses, skeleton: Skeleton) -> _SteadyPoses:
+        """Return the poses of a performer in their place."""
+        motion = poses.motion(skeleton)
+        motion = motion if self.floor_m is None else on_floor(motion, self.floor_m)
+        rotations, roots_m = self.offset.apply(motion.rotations, motion.root_positions_m)
+        return replace(poses, rotations=rotations, root_positions_m=roots_m)
+
+    def of_prop(self, rotations: Array, positions_m: Array) -> tuple[Array, Array]:
+        """Return the rotations (F, 4) and positions (F, 3) of a prop in their place."""
+        return self.offset.apply_to_prop(rotations, positions_m - [0.0, self.floor_m or 0.0, 0.0])
 
 
 def filter_take(take: TakeFile, chosen: FilterSettings, use_stored: bool = True) -> list[ScenePose]:
@@ -104,17 +162,22 @@ def write_take(
     main, *further = motion.performers
     main = main.ensure_character(context, None)
     character, skeleton = bpy.data.objects[main.armature], main.subject.skeleton
+    plan = plan_for(character, skeleton)
+    space = CaptureSpace(character, plan)
+    placing = _Placing.of(context, parts[0].steady(main.index), skeleton, space)
     actions = []
     for part in parts:
-        poses, how = part.steady(main.index), placement(context, character, main.only)
-        rows, how = _chosen_keys(context, poses, how, character, plan_for(character, skeleton))
-        keyed = poses.frames[rows], poses.rotations[rows], poses.root_positions_m[rows]
-        actions.append(write_action(main.armature, *keyed, skeleton, name=title, placement=how))
+        poses = placing.of_performer(part.steady(main.index), skeleton)
+        rows, how = _chosen_keys(context, poses, placement(context, character, main.only), character, plan)
+        shown = OwnMotion(plan, poses.motion(skeleton))
+        if context.scene.perfanim_result.continue_here and character.animation_data is not None:
+            shown = continue_animation(context, character, plan, shown.motion, poses.frames)
+        keyed = poses.frames[rows], shown.motion.rotations[rows], shown.motion.root_positions_m[rows]
+        actions.append(write_with_plan(character, *keyed, shown.plan, name=title, placement=how))
         if settings(context).extend_scene:
             context.scene.frame_end = max(context.scene.frame_end, int(np.ceil(poses.frames[-1])))
     if motion.props or further:
-        character = find_armature(main.armature)
-        writer = _FurtherWriter(context, motion, CaptureSpace(character, plan_for(character, skeleton)), title)
+        writer = _FurtherWriter(context, motion, space, placing, title)
         for part in parts:
             for index, prop in enumerate(motion.props):
                 actions += writer.prop(index, prop, part)
@@ -130,6 +193,7 @@ class _FurtherWriter:
     context: bpy.types.Context
     motion: TakeMotion
     space: CaptureSpace
+    placing: _Placing
     title: str
 
     def prop(self, index: int, prop: Prop, part: RecordedPart) -> list[str]:
@@ -141,7 +205,8 @@ class _FurtherWriter:
             return []
         seen = [poses[row].props[index] for row in clock.rows[known]]
         turns, places_m = np.array([pose.rotation for pose in seen]), np.array([pose.position_m for pose in seen])
-        moved = self.space.to_scene(*poses_at(clock.times_s[known], turns, places_m, clock.steady_s[keyed]))
+        placed = self.placing.of_prop(*poses_at(clock.times_s[known], turns, places_m, clock.steady_s[keyed]))
+        moved = self.space.to_scene(*placed)
         target = bpy.data.objects[target_settings.object_of(self.context, prop)]
         target_settings.check_object(target)
         chosen = placement(self.context, None)
@@ -163,7 +228,7 @@ class _FurtherWriter:
         how = placement(self.context, None if is_new else character, target.only)
         if how.only is not None and not how.only & {*plan.bones, *plan.located}:
             return []
-        poses = part.steady(target.index, int(timed[seen]))
+        poses = self.placing.of_performer(part.steady(target.index, int(timed[seen])), subject.skeleton)
         rows, how = _chosen_keys(self.context, poses, how, character, plan)
         offset = target.offset_into(self.space, CaptureSpace(character, plan), self.motion.poses)
         moved = offset.apply(poses.rotations[rows], poses.root_positions_m[rows])

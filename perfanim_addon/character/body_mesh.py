@@ -11,6 +11,7 @@ import numpy as np
 
 from ...core.body.body_size import girth_scale, standing_root_m
 from ...core.body.skeleton import Skeleton
+from ...core.body.soles import upright_foot
 from ...core.body.standard_skeleton import default_skeleton
 from ...core.geometry import rotations as rot
 from ...core.geometry.arrays import Array, IntArray
@@ -72,7 +73,8 @@ def fitted_body(skeleton: Skeleton, heads_m: Array) -> Body:
     """Return the shipped body on another skeleton.
 
     The skin of each bone is rotated with the bone's rest direction, scaled along the bone by its length and across it
-    by the body's girth, and blended by the skin weights. The soles stay on the floor.
+    by the body's girth, and blended by the skin weights. The soles are flat when the legs are upright; in the rest
+    pose, whose legs are spread, the feet are tilted like the legs.
 
     Args:
         skeleton: Skeleton of the new body.
@@ -85,7 +87,20 @@ def fitted_body(skeleton: Skeleton, heads_m: Array) -> Body:
     vertices = np.einsum("vj,jab,vjb->va", body.weights, maps, from_heads) + body.weights @ heads_m
     floor = np.clip((_FIT.foot_m - body.vertices_m[:, 1]) / (_FIT.foot_m - _FIT.sole_m), 0.0, 1.0)
     vertices[:, 1] += floor * (girth * body.vertices_m[:, 1] - vertices[:, 1])
+    for side in "lr":
+        share = body.weights[:, [skeleton.index(side + name) for name in ("foot", "toes")]].sum(axis=1, keepdims=True)
+        vertices += share * (_tilted_foot(skeleton, heads_m, side, vertices) - vertices)
     return Body(vertices, body.faces, body.materials, body.material_names, body.weights)
+
+
+def _tilted_foot(skeleton: Skeleton, heads_m: Array, side: str, flat_m: Array) -> Array:
+    """Return points (V, 3) of a flat foot, tilted about the ankle so that the foot of an upright leg is flat."""
+    ankle, ball = (heads_m[skeleton.index(side + name)] for name in ("foot", "toes"))
+    upright, level = upright_foot(skeleton, side), np.array([1.0, 0.0, 1.0])
+    to_ball = rot.rotate(upright, ball - ankle)
+    turned = rot.rotate(rot.between((ball - ankle) * level, to_ball * level), flat_m - ankle)
+    turned[:, 1] += to_ball[1] - (ball - ankle)[1]
+    return ankle + rot.rotate(rot.conjugate(upright), turned)
 
 
 def _bone_map(plain_tip_m: Array, tip_m: Array, girth: float) -> Array:

@@ -1,5 +1,6 @@
 """Bone map stored with an armature object: a bone per joint, and the root motion."""
 
+from collections.abc import Callable
 from typing import Any
 
 import bpy
@@ -7,8 +8,9 @@ import bpy
 from ...core.body.standard_skeleton import JOINT_NAMES
 from ...core.errors import CharacterError
 from ...core.retarget.bone_map import BoneMap, JointMatch, MatchState, checked_map
+from ...core.retarget.character_fit import Adjustments
 from ...core.retarget.retargeter import RootMotion
-from ..preferences.property_kinds import HIDDEN, choice, collection, string
+from ..preferences.property_kinds import HIDDEN, choice, collection, number, string
 from .armature_reading import read_armature_rest
 
 _ROOT_MOTIONS = (
@@ -16,6 +18,15 @@ _ROOT_MOTIONS = (
     ("ROOT_BONE", "Root Bone", "The topmost bone above the hips receives the motion along the floor, or else the hips"),
     ("OBJECT", "Object", "The armature object receives the motion along the floor, as its delta transform"),
 )
+
+
+adjusted_listeners: list[Callable[[bpy.types.Object], None]] = []  # called with a character whose adjustments changed
+
+
+def _adjusted(self: Any, _context: object) -> None:
+    """Show the changed adjustments on the character's animation."""
+    for listener in adjusted_listeners:
+        listener(self.id_data)
 
 
 def _edited(self: Any, _context: object) -> None:
@@ -43,6 +54,21 @@ class PERFANIM_PG_character(bpy.types.PropertyGroup):
     problem: string("Problem", "Why the armature cannot be driven")
     filling: bpy.props.BoolProperty(options=HIDDEN)
     root_motion: choice("Root Motion", "Bone or object that receives the root motion", _ROOT_MOTIONS)
+    hip_height: number(
+        "Hip Height (mm)", "Height added to the hips; the feet stay on the floor", 0.0, -300.0, 300.0, update=_adjusted
+    )
+    shoulder: number("Shoulders (°)", "Angle by which the shoulders are raised", 0.0, -30.0, 30.0, update=_adjusted)
+    arm_spread: number(
+        "Arm Spread (°)", "Angle by which the arms are moved away from the body", 0.0, -45.0, 45.0, update=_adjusted
+    )
+    foot_pitch: number(
+        "Foot Pitch (°)",
+        "Angle by which the toes are raised; the soles stay on the floor",
+        0.0,
+        -30.0,
+        30.0,
+        update=_adjusted,
+    )
 
 
 def store_map(armature_object: bpy.types.Object, found: BoneMap) -> None:
@@ -102,6 +128,14 @@ def stored_map(armature_object: bpy.types.Object) -> BoneMap | None:
         )
     matches = {e.name: JointMatch(e.bone, MatchState(e.state), e.reason) for e in kept.joints}
     return BoneMap(matches, kept.origin)
+
+
+def stored_adjustments(armature_object: bpy.types.Object) -> Adjustments:
+    """Return the corrections that are kept with a character."""
+    kept = getattr(armature_object, "perfanim_character", None)
+    if kept is None:
+        return Adjustments()
+    return Adjustments(0.001 * kept.hip_height, kept.shoulder, kept.arm_spread, kept.foot_pitch)
 
 
 def stored_root_motion(armature_object: bpy.types.Object) -> RootMotion:

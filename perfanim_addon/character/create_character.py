@@ -78,6 +78,9 @@ def find_armature(object_name: str) -> bpy.types.Object:
         raise CharacterError(
             f"there is no object {object_name!r}", advice="pick an armature under Character or add a character"
         )
+    if not obj.users_scene:  # a setting keeps a deleted object in the file
+        advice = "undo, or pick another armature under Character"
+        raise CharacterError("was deleted from the scene", where=object_name, advice=advice)
     if obj.type != "ARMATURE":
         raise CharacterError(
             f"{object_name!r} is of type {obj.type.lower()}, not an armature", advice="pick the armature that moves it"

@@ -1,6 +1,7 @@
 """Retarget plans for Blender's armatures."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import bpy
@@ -12,11 +13,20 @@ from ...core.errors import CharacterError
 from ...core.retarget.armature_rest import ArmatureRest
 from ...core.retarget.bone_map import BoneMap, find_bone_map, identity_bone_map
 from ...core.retarget.bone_map_files import read_presets
+from ...core.retarget.character_fit import Adjustments, CharacterFit
 from ...core.retarget.retargeter import RetargetPlan, RootMotion, plan_retarget
 from ..preferences.paths import user_folder
 from .armature_reading import LIMITS, check_scale, followed_bones, is_constrained, read_armature_rest, switch_to_fk
-from .bone_map_settings import clear_map, store_map, store_problem, stored_map, stored_root_motion
+from .bone_map_settings import (
+    clear_map,
+    store_map,
+    store_problem,
+    stored_adjustments,
+    stored_map,
+    stored_root_motion,
+)
 from .create_character import joints_without_bone
+from .foot_skin import foot_skins
 
 _LINKED = "make a library override of it (Object > Library Override > Make)"
 PRESETS_FOLDER = "bone_maps"  # user folder
@@ -52,6 +62,8 @@ def map_problem(armature_object: bpy.types.Object) -> str:
     """Return the reason why an armature cannot be driven, or ""; fast enough for drawing."""
     if armature_object.library is not None:
         return f"it is linked from another file; {_LINKED}"
+    if not armature_object.users_scene:
+        return "it was deleted from the scene; choose another, or none for a new character"
     return _problem(armature_object, stored_map) or _problem(armature_object, check_scale)
 
 
@@ -85,34 +97,53 @@ def plan_for(armature_object: bpy.types.Object, skeleton: Skeleton) -> RetargetP
     root_motion = stored_root_motion(armature_object)
     if kept is None and root_motion is RootMotion.HIPS:
         rest = read_armature_rest(armature_object)
-        if _has_proportions(rest, skeleton):
+        if _has_proportions(rest, skeleton) and stored_adjustments(armature_object) == Adjustments():
             check_scale(armature_object)
             return plan_retarget(skeleton, rest, identity_bone_map(), same_body=True)
-    bone_map = kept or find_map(armature_object, user_folder(PRESETS_FOLDER))
-    return plan_with_map(armature_object, skeleton, bone_map, root_motion)
+    return plan_with_map(armature_object, skeleton, map_of(armature_object), root_motion)
+
+
+def map_of(armature_object: bpy.types.Object) -> BoneMap:
+    """Return the bone map of an armature: the stored one, or else one that is found; CharacterError without a map."""
+    kept = stored_map(armature_object)
+    if kept is None and not joints_without_bone(armature_object):
+        return identity_bone_map()
+    return kept or find_map(armature_object, user_folder(PRESETS_FOLDER))
+
+
+def character_fit(armature_object: bpy.types.Object, rest: ArmatureRest, bones: Mapping[str, str]) -> CharacterFit:
+    """Return the skin of a character's feet and its corrections."""
+    return CharacterFit(foot_skins(armature_object, rest, bones), stored_adjustments(armature_object))
 
 
 def bones_of(armature_object: bpy.types.Object) -> dict[str, str]:
     """Return joint -> bone of an armature, using the same maps as `plan_for`; CharacterError without a map."""
-    kept = stored_map(armature_object)
-    if kept is None and not joints_without_bone(armature_object):
-        return {joint: joint for joint in JOINT_NAMES}
-    return (kept or find_map(armature_object, user_folder(PRESETS_FOLDER))).bones
+    return map_of(armature_object).bones
 
 
 def plan_with_map(
-    armature_object: bpy.types.Object, skeleton: Skeleton, bone_map: BoneMap, root_motion: RootMotion
+    armature_object: bpy.types.Object,
+    skeleton: Skeleton,
+    bone_map: BoneMap,
+    root_motion: RootMotion,
+    adjustments: Adjustments | None = None,
 ) -> RetargetPlan:
-    """Plan the retargeting to an armature with a map, and switch its IK off; CharacterError if it cannot be driven."""
+    """Plan the retargeting to an armature with a map, and switch its IK off; CharacterError if it cannot be driven.
+
+    Args:
+        adjustments: Corrections of each pose; None for those kept with the character.
+    """
     check_scale(armature_object)
     armature_object.data.pose_position = "POSE"  # in Rest Position it would not move
     rest = read_armature_rest(armature_object)
-    plan = plan_retarget(skeleton, rest, bone_map, root_motion)
+    fit = character_fit(armature_object, rest, bone_map.bones)
+    fit = fit if adjustments is None else replace(fit, adjustments=adjustments)
+    plan = plan_retarget(skeleton, rest, bone_map, root_motion, fit=fit)
     _rest_between(armature_object, bone_map.bones["root"], plan.bones)
     if is_constrained(armature_object, plan.driven):
         switch_to_fk(armature_object, plan.driven)
         follows = followed_bones(bpy.context, armature_object, plan.driven)
-        plan = plan_retarget(skeleton, rest, bone_map, root_motion, np.asarray(follows))
+        plan = plan_retarget(skeleton, rest, bone_map, root_motion, np.asarray(follows), fit=fit)
     return plan
 
 

@@ -57,6 +57,8 @@ def end() -> None:
         activity.close()
     overlay.hide()
     if activity is not None:
+        for workspace in bpy.data.workspaces:
+            workspace.status_text_set(None)
         redraw_sidebars()
 
 
@@ -99,10 +101,18 @@ def _before_load(*_: object) -> None:
         finish(bpy.context)
 
 
+@bpy.app.handlers.persistent
+def _forget_messages(*_: object) -> None:
+    """Forget messages about another file, or about what has been undone."""
+    _state.messages.clear()
+
+
 def register() -> None:
-    """Add the handler that ends the activity before another file is loaded."""
+    """Add the handlers: they end the activity before another file is loaded, and forget messages about the past."""
     _state.messages.clear()
     bpy.app.handlers.load_pre.append(_before_load)
+    for handlers in (bpy.app.handlers.load_post, bpy.app.handlers.undo_post):
+        handlers.append(_forget_messages)
 
 
 def unregister() -> None:
@@ -110,3 +120,5 @@ def unregister() -> None:
     with contextlib.suppress(PerfanimError):
         finish(bpy.context)
     bpy.app.handlers.load_pre.remove(_before_load)
+    for handlers in (bpy.app.handlers.load_post, bpy.app.handlers.undo_post):
+        handlers.remove(_forget_messages)

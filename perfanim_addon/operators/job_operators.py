@@ -102,7 +102,7 @@ class FilesOperator(ImportHelper):
 
     filename_ext = ""
     files: bpy.props.CollectionProperty(type=bpy.types.OperatorFileListElement, options=HIDDEN)
-    directory: bpy.props.StringProperty(subtype="DIR_PATH", options=HIDDEN)
+    directory: bpy.props.StringProperty(subtype="DIR_PATH", options={"HIDDEN"})  # saved: it opens where it was left
 
     def chosen_files(self) -> list[str]:
         """Return the chosen files, or the folder if no file is chosen."""

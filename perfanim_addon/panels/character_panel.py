@@ -10,6 +10,7 @@ from ...core.retarget.bone_map_files import preset_paths
 from ..character.create_character import joints_without_bone
 from ..character.retarget_plans import PRESETS_FOLDER
 from ..preferences.paths import user_folder
+from ..preferences.property_kinds import draw_props, property_column
 from ..settings.capture_settings import settings
 from .panel_drawing import RowList
 
@@ -28,7 +29,11 @@ class PERFANIM_UL_joints(RowList, bpy.types.UIList):
         row.alert = item.state == MatchState.SUSPECT.value or (needed and item.state == MatchState.MISSING.value)
         split = row.split(factor=0.46, align=True)
         split.label(text=joint_label(item.name), icon=_ICONS.get(item.state, "ERROR" if needed else "RADIOBUT_OFF"))
-        split.prop_search(item, "bone", item.id_data.data, "bones", text="")
+        kept = item.id_data.perfanim_character
+        if kept.joints[min(kept.active, len(kept.joints) - 1)] == item:
+            split.prop_search(item, "bone", item.id_data.data, "bones", text="")
+        else:  # without the prefix that all names share, bones can be told apart in a narrow column
+            split.label(text=item.bone.rpartition(":")[2], icon="BONE_DATA" if item.bone else "NONE")
 
 
 class PERFANIM_MT_bone_maps(bpy.types.Menu):
@@ -72,3 +77,7 @@ def draw_bones(layout: bpy.types.UILayout, armature_object: bpy.types.Object | N
         row.operator("perfanim.save_bone_map", text="", icon="ADD").armature = armature_object.name
     layout.operator("perfanim.show_t_pose", icon="ARMATURE_DATA").armature = armature_object.name
     layout.prop(kept, "root_motion")
+    header, body = layout.panel("perfanim_adjust" + list_id, default_closed=True)
+    header.label(text="Adjust")
+    if body is not None:
+        draw_props(property_column(body), kept, "hip_height", "shoulder", "arm_spread", "foot_pitch")

@@ -91,6 +91,7 @@ class PERFANIM_PT_takes(SidebarPanel, bpy.types.Panel):
         if running_capture() is not None:
             layout.label(text="Takes are listed after the capture")
             return
+        layout.operator("perfanim.import_takes", icon="IMPORT")
         shown = _list(context)
         if not take_library.listed():
             layout.label(text="Every capture is kept here")
@@ -99,7 +100,6 @@ class PERFANIM_PT_takes(SidebarPanel, bpy.types.Panel):
         if 0 <= shown.active < len(shown.entries):
             _draw_take(context, layout, shown.entries[shown.active])
         panel_drawing.draw_outcome(context, layout, KEY)
-        layout.operator("perfanim.import_takes", icon="IMPORT")
         _draw_room(layout, len(shown.entries))
 
 
@@ -120,7 +120,7 @@ def _draw_take(context: bpy.types.Context, layout: bpy.types.UILayout, item: PER
     draw_props(column, item, "rating", "notes")
     layout.operator("perfanim.play_take", icon="ARMATURE_DATA").path = item.path
     header, body = layout.panel("perfanim_result", default_closed=True)
-    header.label(text="Insert As")
+    header.label(text="Placing and Keys")
     if body is not None:
         result_settings.draw(body, context)
     row = layout.row(align=True)

@@ -23,6 +23,7 @@ _OPERATORS = (
     ("batch.html", "*batch*"),
     ("marker-takes.html", "import_takes"),
     (_SKETCH, "*sketch* add_controls draw_hips_path follow_* *behaviour show_motion_paths"),
+    (f"{_CAPTURE}#clean-up-motion", "*_motion remove_pop hold_feet"),
     (f"{_CAPTURE}#takes-and-batches", "*take*"),
     (f"{_CAPTURE}#preferences", "self_test copy_diagnostics"),
     (f"{_CAPTURE}#capture", "*"),

@@ -4,6 +4,8 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+import bpy
+
 from ...core.subjects.setup_check.finding import PICTURE_FAULTS, Fault, Place
 from ..preferences.paths import absolute
 from . import readiness
@@ -316,4 +318,19 @@ STEPS = (
     ),
 )
 
-register = unregister = seen.forget
+
+@bpy.app.handlers.persistent
+def _forget_other_file(*_: object) -> None:
+    seen.forget()
+
+
+def register() -> None:
+    """Forget all results, now and when another file is loaded."""
+    seen.forget()
+    bpy.app.handlers.load_post.append(_forget_other_file)
+
+
+def unregister() -> None:
+    """Undo `register`."""
+    seen.forget()
+    bpy.app.handlers.load_post.remove(_forget_other_file)

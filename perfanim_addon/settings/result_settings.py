@@ -7,7 +7,7 @@ import bpy
 from ..animation.action_placement import Placement, PlacementMode
 from ..animation.keyframes import KeyBounds
 from ..blender_versions import is_selected
-from ..preferences.property_kinds import choice, draw_props, number, property_column, switch
+from ..preferences.property_kinds import choice, draw_props, number, property_column, switch, whole_number
 
 _ONTO = (
     (PlacementMode.ACTION.name, "New Action", "Replace the active action, which is kept in the file"),
@@ -26,6 +26,33 @@ class PERFANIM_PG_result(bpy.types.PropertyGroup):
         "Scene frame at which a take begins",
         (("PLAYHEAD", "At Playhead", "At the scene's current frame"), ("FIRST", "Frame 1", "At frame 1")),
         "PLAYHEAD",
+    )
+    on_floor: switch(
+        "On Floor",
+        "Move the take to the height of its floor, and stand the soles of standing feet exactly on it",
+        default=True,
+    )
+    continue_here: switch(
+        "Continue from Here",
+        "Begin with the place, heading and pose that the character has in the take's first frame, as a strip above the "
+        "present animation",
+    )
+    blend_frames: whole_number("Blend", "Frames until the pose is that of the take", 20, 1, 1000)
+    offset: bpy.props.FloatVectorProperty(
+        name="Offset",
+        description="Shift of the take in the scene; Z is its height",
+        default=(0.0, 0.0, 0.0),
+        subtype="TRANSLATION",
+        unit="LENGTH",
+    )
+    turn: bpy.props.FloatProperty(
+        name="Turn",
+        description="Rotation about the vertical, about the place where the take begins",
+        default=0.0,
+        subtype="ANGLE",
+    )
+    whole_frames: switch(
+        "Whole Frames", "Insert keyframes on the scene's frames; otherwise one for each recorded pose", default=True
     )
     filters: choice(
         "Filters",
@@ -74,8 +101,14 @@ def placement(
         selected = frozenset(bone.name for bone in armature_object.pose.bones if is_selected(bone))
         only = selected if only is None else selected & only
     animation = armature_object.animation_data
-    if only is not None and onto is PlacementMode.ACTION and animation is not None and animation.action is not None:
-        onto = PlacementMode.STRIP  # a new action would remove the other bones' animation
+    # a new action would remove the animation that is continued, or that of the other bones
+    if (
+        (only is not None or chosen.continue_here)
+        and onto is PlacementMode.ACTION
+        and animation is not None
+        and animation.action is not None
+    ):
+        onto = PlacementMode.STRIP
     return Placement(onto, only, bounds)
 
 
@@ -88,6 +121,10 @@ def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     """Draw the settings."""
     chosen: Any = context.scene.perfanim_result
     column = property_column(layout)
-    draw_props(column, chosen, "onto", "start", "filters", "only_selected", "doubtful", "reduce")
+    draw_props(column, chosen, "onto", "start", "on_floor", "continue_here")
+    if chosen.continue_here:
+        draw_props(column, chosen, "blend_frames")
+    draw_props(column, chosen, "offset", "turn")
+    draw_props(column, chosen, "filters", "only_selected", "doubtful", "whole_frames", "reduce")
     if chosen.reduce:
         draw_props(column, chosen, "reduce_deg", "reduce_mm")

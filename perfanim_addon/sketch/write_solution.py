@@ -18,11 +18,11 @@ from ...core.system.schema import table_of
 from ..animation.actions import write_action
 from ..animation.keyframes import KeyBounds
 from ..capture.capture_space import CaptureSpace
+from ..character.own_body import own_skeleton
 from ..character.part_bones import bones_of_parts
 from ..character.retarget_plans import plan_for
 from ..settings.capture_settings import settings
 from ..settings.result_settings import placement
-from .character_skeleton import own_skeleton
 from .controls import EDITING, STORED
 
 

@@ -62,6 +62,12 @@ def chosen(addon: object) -> Any:
 
 
 @pytest.fixture
+def as_recorded(addon: object) -> None:
+    """Keys are the poses of the take: neither put on the floor nor laid on the scene's frames."""
+    bpy.context.scene.perfanim_result.on_floor = bpy.context.scene.perfanim_result.whole_frames = False
+
+
+@pytest.fixture
 def targets(addon: object) -> Any:
     """The list of further targets."""
     return bpy.context.scene.perfanim_targets

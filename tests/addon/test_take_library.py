@@ -66,6 +66,7 @@ def cut(path: Path) -> Path:
 
 
 @pytest.mark.usefixtures("near_worker")
+@pytest.mark.usefixtures("as_recorded")
 def test_a_worker_that_is_killed_leaves_a_take_that_can_be_recovered(
     part: Any, chosen: Any, takes: Any, new_capture: Any, listed_takes: Any
 ) -> None:

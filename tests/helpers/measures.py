@@ -4,6 +4,7 @@ import numpy as np
 from perfanim.core.body.motion import Motion
 from perfanim.core.body.motion_metrics import CONTACT
 from perfanim.core.body.skeleton import forward_kinematics
+from perfanim.core.body.soles import upright_foot
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.retarget.armature_rest import ArmatureRest
 from perfanim.core.retarget.character_rest_pose import bone_direction
@@ -72,7 +73,9 @@ def direction_errors_deg(
             if kind == "foot":
                 if side + "toes" not in made.joints:
                     continue
-                own = motion.skeleton.offsets_m[motion.skeleton.index(side + "toes")] * [1.0, 0.0, 1.0]
+                upright = upright_foot(motion.skeleton, side)
+                own = rot.rotate(upright, motion.skeleton.offsets_m[motion.skeleton.index(side + "toes")])
+                own = rot.rotate(rot.conjugate(upright), own * [1.0, 0.0, 1.0])
                 way = (heads[made.joints[side + "toes"]] - heads[bone]) * [1.0, 0.0, 1.0]
             else:
                 way = bone_direction(name, rest, made.joints, heads, tails)

@@ -8,11 +8,13 @@ import bpy
 import numpy as np
 from perfanim.core.body.motion import Motion
 from perfanim.core.body.skeleton import forward_kinematics
+from perfanim.core.body.soles import upright_foot
 from perfanim.core.geometry import rotations as rot
 from perfanim.perfanim_addon.character.axes import BLENDER_FROM_WORLD
 
 LIMBS = (("humerus", "radius"), ("radius", "hand"), ("hand", "fingers"), ("foot", "toes"))
 _STANDS_M_S = 0.15
+_SPREAD_RAD = np.radians(15.0)
 
 
 @dataclass(frozen=True)
@@ -21,7 +23,7 @@ class Played:
 
     Args:
         direction_deg: limb -> (F,) angle between where it points and where the performer's does.
-        slide_cm_s: mean speed of the feet while the performer's stand, in the performer's centimetres.
+        slide_cm_s: mean horizontal speed of the feet while the performer's stand, in the performer's centimetres.
         own_slide_cm_s: of the performer's feet then.
         standing: how many frames of a foot these are.
         turn_deg: most that a bone turns from one frame to the next.
@@ -38,11 +40,13 @@ class Played:
     arms_down_deg: float
 
 
-def played(armature_object: bpy.types.Object, frames: int, bones: Iterable[str]) -> dict[str, np.ndarray]:
+def played(
+    armature_object: bpy.types.Object, frames: int, bones: Iterable[str], first: int = 1
+) -> dict[str, np.ndarray]:
     """Matrices (F, 4, 4) of evaluated bones in the scene, one frame of the motion after the other."""
     scene = bpy.context.scene
     found: dict[str, list[np.ndarray]] = {name: [] for name in bones}
-    for frame in range(1, frames + 1):
+    for frame in range(first, first + frames):
         scene.frame_set(frame)
         posed = armature_object.evaluated_get(bpy.context.evaluated_depsgraph_get())
         for name in found:
@@ -75,7 +79,14 @@ def measured(done: dict[str, Any], motion: Motion) -> Played:
             if start == "humerus":
                 hanging.append(np.degrees(np.arctan2(-way[2], np.hypot(way[0], way[1]))))
             if start == "foot":  # ankles are of different height: what is flat on the floor is compared
-                way, own = way * [1.0, 1.0, 0.0], own * [1.0, 0.0, 1.0]
+                upright = upright_foot(motion.skeleton, side)
+                flat = rot.rotate(upright, own) * [1.0, 0.0, 1.0]
+                own = rot.rotate(rot.conjugate(upright), flat)
+                leg = rest[bones[side + "foot"]][:3, 3] - rest[bones[side + "femur"]][:3, 3]
+                lean = rot.between(leg * [1.0, 0.0, 1.0], np.array([0.0, 0.0, -1.0]))
+                # spread legs have tilted feet, as in the product's own rest pose
+                level = lean if rot.angle_between(lean, rot.identity()) > _SPREAD_RAD else rot.identity()
+                way = rot.rotate(rot.conjugate(level), rot.rotate(level, way) * [1.0, 1.0, 0.0])
             mine = since[side + start] @ way
             theirs = rot.rotate(world[:, motion.skeleton.index(side + start)], own) @ BLENDER_FROM_WORLD.T
             cosine = np.sum(mine * theirs, axis=-1) / np.linalg.norm(mine, axis=-1) / np.linalg.norm(theirs, axis=-1)
@@ -84,9 +95,10 @@ def measured(done: dict[str, Any], motion: Motion) -> Played:
     scale = done["scale"] * float(np.mean(np.array(armature_object.matrix_world.to_scale())))
     own_feet = positions[:, [motion.skeleton.index(side + kind) for side in "lr"]] @ BLENDER_FROM_WORLD.T
     feet = np.stack([found[bones[side + kind]][:, :3, 3] for side in "lr"], axis=1) / scale
-    own_speed = np.linalg.norm(np.diff(own_feet, axis=0), axis=-1) * motion.fps
-    speed = np.linalg.norm(np.diff(feet, axis=0), axis=-1) * motion.fps
-    standing = own_speed < _STANDS_M_S
+    standing = np.linalg.norm(np.diff(own_feet, axis=0), axis=-1) * motion.fps < _STANDS_M_S
+    own_speed, speed = (
+        np.linalg.norm(np.diff(each, axis=0)[..., :2], axis=-1) * motion.fps for each in (own_feet, feet)
+    )
     return Played(
         directions,
         100.0 * float(np.mean(speed[standing])),

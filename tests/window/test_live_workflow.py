@@ -31,10 +31,10 @@ def test_a_counted_down_capture_outlives_its_worker_and_ends_by_itself(desktop: 
     assert run["numbers"] == sorted(set(run["numbers"]))
     (action,) = state["actions"].values()
     assert action["keys_min"] == action["keys_max"]
-    # a second and a half at 60 a second; what came in the countdown is not among them
-    assert action["keys_max"] <= 90 + 1
-    assert action["keys_max"] < run["poses"]
-    assert f"{action['keys_max']} frames recorded" in state["capture"]["messages"]["capture"]
+    # a second and a half at the scene's 24 frames a second; what came in the countdown is not among them
+    assert action["keys_max"] <= 36 + 1
+    message = state["capture"]["messages"]["capture"]
+    assert 0 < int(message.partition(" frames recorded")[0]) < run["poses"]
     desktop.key("space")
 
 

@@ -43,4 +43,5 @@ def test_what_was_captured_before_blender_was_killed_is_recovered_with_one_click
     assert take.notes.played
     assert len(take.poses) >= LEAST_FRAMES
     (action,) = state["actions"].values()
-    assert action["keys_min"] == action["keys_max"] == len(take.poses)
+    # a key on each of the scene's frames, which are fewer than the poses
+    assert action["keys_min"] == action["keys_max"] == round(action["last"]) <= len(take.poses)

@@ -1,4 +1,4 @@
-"""A walk and boxing on every character in a folder: bones found, limb directions, twists, sliding feet."""
+"""A walk and boxing on every character in a folder: bones found, limb directions, twists, feet on the floor."""
 
 import contextlib
 import io
@@ -12,11 +12,13 @@ from typing import Any
 
 import numpy as np
 from perfanim.core.body.motion import sliced
+from perfanim.core.body.standing_on_floor import on_floor
 from perfanim.core.errors import PerfanimError
 from perfanim.core.formats.motion.read_motion import read_motion
 from perfanim.core.system.assets import MOTION
 from perfanim.perfanim_addon.export.retarget_file import retarget_file
 from retargeted import measured
+from stood import stood
 
 from .run import Run
 
@@ -24,7 +26,7 @@ ENDINGS = (".glb", ".gltf", ".vrm", ".blend")
 CLIPS = ("walking-01-neutral", "boxing-01-neutral")
 FRAMES = 180
 SCENE_FPS = 24.0  # a .blend keeps its own rate, so each frame of the motion is put on one of the scene's
-DIRECTION_DEG, TURN, SLIDE_CM_S = 3.0, 2.0, 1.0  # limits to reach
+DIRECTION_DEG, TURN, SLIDE_CM_S, FEET_MM = 3.0, 2.0, 1.0, 5.0  # limits to reach
 
 
 def retarget(run: Run) -> dict[str, Any]:
@@ -33,7 +35,9 @@ def retarget(run: Run) -> dict[str, Any]:
     Returns:
         rows (character, clip, how far its arms hang in the rest pose, unmapped or doubtful bones, origin of the map,
         largest median angle between the direction of a limb and the performer's, fastest rotation of a
-        bone relative to the performer's fastest joint, speed of feet beyond the performer's while these are planted),
+        bone relative to the performer's fastest joint, speed of feet beyond the performer's while these are planted,
+        largest height of the lower sole above or below the floor, farthest slide of a planted foot; the clips have no
+        flight),
         refused (character, reason), missed (rows that exceed a limit), outputs.
     """
     run.out.mkdir(parents=True, exist_ok=True)
@@ -48,18 +52,22 @@ def retarget(run: Run) -> dict[str, Any]:
         except PerfanimError as error:
             refused.append({"character": name, "reason": str(error).partition(": ")[2]})
     missed = sum(
-        row["direction_deg"] > DIRECTION_DEG or row["turn"] > TURN or row["slide_cm_s"] > SLIDE_CM_S for row in rows
+        row["direction_deg"] > DIRECTION_DEG
+        or row["turn"] > TURN
+        or row["slide_cm_s"] > SLIDE_CM_S
+        or max(row["sole_mm"], row["slide_mm"]) > FEET_MM
+        for row in rows
     )
     return run.write("retarget", {"rows": rows, "refused": refused, "missed": missed}, {"": rows, "refused": refused})
 
 
 def _row(path: Path, clip: str) -> dict[str, Any]:
-    motion = sliced(read_motion(MOTION / f"{clip}.bvh"), 0, FRAMES)
+    motion = on_floor(sliced(read_motion(MOTION / f"{clip}.bvh"), 0, FRAMES))
     if path.suffix == ".blend":
         motion = replace(motion, fps=SCENE_FPS)
     with tempfile.TemporaryDirectory() as folder, _silent():
         done = retarget_file(motion, path, Path(folder) / "out.blend")
-        figures = measured(done, motion)
+        figures, feet = measured(done, motion), stood(done, motion)
     medians = {limb: float(np.median(errors)) for limb, errors in figures.direction_deg.items()}
     worst = max(medians, key=lambda limb: medians[limb])
     return {
@@ -71,6 +79,8 @@ def _row(path: Path, clip: str) -> dict[str, Any]:
         "direction_deg": round(medians[worst], 2),
         "turn": round(figures.turn_deg / figures.own_turn_deg, 2),
         "slide_cm_s": round(figures.slide_cm_s - figures.own_slide_cm_s, 2),
+        "sole_mm": round(float(np.abs(feet.soles_mm.min(axis=1)).max()), 1),
+        "slide_mm": round(feet.slide_mm, 1),
     }
 
 

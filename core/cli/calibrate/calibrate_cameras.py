@@ -1,4 +1,4 @@
-"""`perfanim calibrate cameras` and `board`: calibrate cameras from pictures of a board; make the board to print."""
+"""`perfanim calibrate cameras` and `board`: calibrate cameras with a board or without; make the board to print."""
 
 import argparse
 from typing import Any
@@ -8,10 +8,11 @@ from ...errors import SettingsError
 from ...geometry.rig_file import save_rig
 from ...system.progress import Progress
 from ..options import add_command, add_repeated, add_text
+from .calibrate_without_board import add_options_without_board, calibrate_without_board, wants_no_board
 
 
 def add_parser(group: Any) -> None:
-    about = "intrinsics, distortion and relative pose from pictures of a board"
+    about = "intrinsics, distortion and relative pose, from pictures of a board or of a person who walks about"
     parser = add_command(group, "cameras", calibrate, about)
     add_text(parser, "--left", "GLOB", "pictures of the left camera: a folder or a pattern in quotes; or a video")
     add_text(parser, "--right", "GLOB", "pictures of the right camera, paired by their numbers; or a video")
@@ -29,6 +30,7 @@ def add_parser(group: Any) -> None:
         "charuco:7x5:40mm:30mm:DICT_4X4_50 (squares, square size, marker size, dictionary; "
         "append :inverted for a white-on-black board)",
     )
+    add_options_without_board(parser)
     add_text(parser, "--points", "FILE", "instead of pictures: JSON of board points already found (mm and pixels)")
     add_text(parser, "--out", "cameras.toml", "the calibration to write", required=True)
     board = add_command(group, "board", write_board, "write the board as a PDF to print")
@@ -44,6 +46,8 @@ def write_board(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
 
 
 def calibrate(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
+    if wants_no_board(args):
+        return calibrate_without_board(args, _patterns(args), progress)
     from ...vision.calibration.board_points import load_board_points  # OpenCV is slow to load
     from ...vision.calibration.calibrate import calibrate_from_points, calibration_summary
     from ...vision.calibration.calibration_board import parse_board
@@ -54,7 +58,8 @@ def calibrate(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     else:
         patterns = _patterns(args)
         if not args.board:
-            raise SettingsError("--board is missing", advice="name the board, e.g. --board chessboard:9x6:24.23mm")
+            advice = "name the board, e.g. --board chessboard:9x6:24.23mm, or calibrate --by-walking"
+            raise SettingsError("--board is missing", advice=advice)
         square_m = parse_board(args.board).square_m
         result = calibrate_cameras(patterns, args.board, progress, left_right=bool(args.left))
     save_rig(result.rig, args.out)
@@ -74,5 +79,5 @@ def _patterns(args: argparse.Namespace) -> dict[str, str]:
             raise SettingsError(f"{entry!r} is not NAME=GLOB, or repeats a name", where="--camera", advice=advice)
         patterns[name] = pattern
     if not patterns:
-        raise SettingsError("pictures of the board are needed", advice="give --left and --right, or --camera")
+        raise SettingsError("pictures of each camera are needed", advice="give --left and --right, or --camera")
     return patterns

@@ -21,6 +21,7 @@ from solved_poses import scene_pose
 from ticking import stop_and_keep, tick, tick_poses, tick_until
 
 
+@pytest.mark.usefixtures("as_recorded")
 def test_the_defaults_capture_a_new_character_into_one_action(part: Any, chosen: Any, new_capture: Any) -> None:
     bpy.context.scene.render.fps = 24
     bpy.context.scene.frame_current = 11
@@ -207,6 +208,7 @@ def test_parts_of_a_foreign_rig_take_the_bones_between(part: Any, skeleton: Any,
         assert found == {"Rig " + bone for bone in bones if "Rig " + bone in retargeter.bones}
 
 
+@pytest.mark.usefixtures("as_recorded")
 @pytest.mark.parametrize("way_out", ["closed window", "file load"])
 def test_what_is_recorded_is_kept_when_blender_takes_the_capture_down(
     part: Any, new_capture: Any, way_out: str

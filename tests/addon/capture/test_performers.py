@@ -23,6 +23,8 @@ from played import curves_of, key_times, played_poses, points_to_blender, select
 from solved_poses import performer_pose, write_poses
 from ticking import stop_and_keep, tick, tick_poses
 
+pytestmark = pytest.mark.usefixtures("as_recorded")
+
 FIRST, SECOND = default_skeleton(1.75), default_skeleton(1.60)
 ANNA = Subject("Anna", FIRST, load_marker_set("boxing"))
 BEN = Subject("Ben", SECOND, load_marker_set("boxing"))
@@ -131,7 +133,7 @@ def test_a_new_character_stands_beside_the_first_as_the_performers_do(chosen: An
         )
     bpy.context.scene.frame_set(5)  # the timeline is free
     text = capture.keep(bpy.context)
-    assert text == "13 frames recorded in Capture, Capture Ben"
+    assert text == "13 frames recorded in Capture, Capture Ben: 0.2 s, scene frames 1 to 13"
     assert len(bpy.data.actions) == 2
     times = key_times(curves_of(second))
     np.testing.assert_allclose(times, np.arange(1.0 + SEEN, 14.0), atol=1e-3)
@@ -170,7 +172,7 @@ def test_a_character_that_is_chosen_is_carried_into_the_room(
     assert ben.armature.matrix_world == before  # the bones carry it
     text = capture.keep(bpy.context)
     capture.close()
-    assert text.endswith("in Capture, Capture Ben")
+    assert "in Capture, Capture Ben: " in text
     bpy.context.scene.frame_set(1 + SEEN)
     again, turned_axes = in_scene(ben.armature)
     np.testing.assert_allclose(again, place, atol=EXACT_M)
@@ -224,7 +226,7 @@ def test_a_character_deleted_meanwhile_does_no_harm(play: Any, ben: Any) -> None
     tick(capture, 10)
     text = capture.keep(bpy.context)
     capture.close()
-    assert text == "19 frames recorded in Capture, Capture Ben"
+    assert text == "19 frames recorded in Capture, Capture Ben: 0.3 s, scene frames 1 to 19"
     assert ben.armature.animation_data.action is bpy.data.actions["Capture Ben"]  # the motion is not lost
 
 
@@ -242,7 +244,7 @@ def test_strips_and_selected_bones_count_for_all(chosen: Any, play: Any, ben: An
         select_bones(armature, bones)
     capture = play(duel(20), ANNA, BEN)
     tick(capture, 10)
-    assert capture.keep(bpy.context).endswith("in Capture.001")  # of the second no bone is meant
+    assert "in Capture.001: " in capture.keep(bpy.context)  # of the second no bone is meant
     capture.close()
     assert len(ben.armature.animation_data.nla_tracks) == 1
 

@@ -20,6 +20,8 @@ from ticking import stop_and_keep, tick_until
 
 from tests.helpers.irregular_takes import SKELETON, SUIT, hands_at, hands_m, random_series, scene_poses
 
+pytestmark = pytest.mark.usefixtures("as_recorded")
+
 NEAR_M = 0.005
 
 

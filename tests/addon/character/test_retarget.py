@@ -13,6 +13,7 @@ from heroes import at_24_fps, clip, open_hero
 from perfanim.core.body.motion import Motion
 from perfanim.core.body.skeleton import forward_kinematics
 from perfanim.core.body.standard_skeleton import scaled
+from perfanim.core.body.standing_on_floor import on_floor
 from perfanim.core.cli.main import build_parser, main
 from perfanim.core.errors import CharacterError
 from perfanim.core.formats.motion.bvh import write_bvh
@@ -27,8 +28,10 @@ from perfanim.perfanim_addon.export.retarget_file import main as retarget_main
 from perfanim.perfanim_addon.export.retarget_file import retarget_file
 from played import curves_of
 from retargeted import measured, played
+from stood import stood
 
 DIRECTION_DEG = 3.0
+FEET_MM = 5.0
 SLIDE_CM_S = 1.0
 
 
@@ -70,6 +73,27 @@ def test_characters_of_others_move_like_the_performer(shared_dir: Path, tmp_path
     assert {"root", "head", "thorax", "lfoot", "rfoot", "lradius", "rradius", "ltibia"} <= done["mapped"].keys()
     assert ("lhand" in done["mapped"]) == ("player" not in rig)  # the robot's arms end in its forearms
     check_played(done, motion)
+
+
+@pytest.mark.parametrize("ending", ["blend", "fbx", "glb"])
+def test_a_character_that_hangs_below_its_origin_stands_on_the_floor(
+    shared_dir: Path, tmp_path: Path, ending: str
+) -> None:
+    """Xbot's soles lie 5 cm below its origin: they stand on the floor in each format, read back."""
+    motion = at_24_fps(on_floor(clip("walking-01-neutral", 30)))
+    out = tmp_path / f"out.{ending}"
+    done = retarget_file(motion, shared_dir / "rigs/Mixamo/Xbot.glb", out)
+    if ending != "blend":
+        bpy.ops.wm.read_factory_settings(use_empty=True)
+        bpy.context.scene.render.fps = 24
+        if ending == "fbx":
+            bpy.ops.import_scene.fbx(filepath=str(out), anim_offset=0.0)
+        else:
+            bpy.ops.import_scene.gltf(filepath=str(out))
+        done["armature"] = next(obj.name for obj in bpy.data.objects if obj.type == "ARMATURE")
+    feet = stood(done, motion, first=0 if ending == "glb" else 1)
+    assert np.abs(feet.soles_mm.min(axis=1)).max() < FEET_MM
+    assert feet.slide_mm < FEET_MM
 
 
 def test_fbx_characters_are_read(mixamo_blend: Path, tmp_path: Path) -> None:

@@ -1,0 +1,56 @@
+"""Soles of a character, from its mesh or, without one, from its lowest bones."""
+
+from collections.abc import Mapping
+from itertools import product
+
+import numpy as np
+
+from ..body.soles import Sole
+from ..geometry import rotations as rot
+from .armature_rest import ArmatureRest
+from .character_fit import SkinPoints
+from .character_rest_pose import RestAlignment
+
+# poses of a foot whose lowest points are kept: pitch and roll of the foot, bend of the toes, degrees
+_PITCHES, _ROLLS, _BENDS = (-30.0, -15.0, -5.0, 0.0, 5.0, 15.0, 30.0, 45.0, 60.0, 80.0), (-20.0, 0.0, 20.0), (0.0, 40.0)
+
+
+def character_sole(
+    rest: ArmatureRest, alignment: RestAlignment, joints: Mapping[str, int], side: str, skin: SkinPoints | None
+) -> Sole:
+    """Return the sole of a character's foot in the standard rest pose.
+
+    Args:
+        joints: Joint -> index of the character's bone, with the side's foot.
+        skin: Points of the mesh; None for the bones' ends.
+    """
+    ankle, ball = joints[side + "foot"], joints.get(side + "toes", -1)
+    if skin is None or len(skin.points) == 0:
+        skin = _bone_ends(rest, ankle, ball)
+    heads = alignment.heads_m
+    points = skin.points @ alignment.armature_from_world / alignment.units_per_metre - heads[ankle]
+    to_ball = heads[ball] - heads[ankle] if ball >= 0 else np.zeros(3)
+    sole = Sole.skinned(points, skin.toe_weights if ball >= 0 else np.zeros(len(points)), to_ball)
+    foot = alignment.turns[side + "foot"]
+    return _outline(sole).turned(foot, alignment.turns.get(side + "toes", foot))
+
+
+def _bone_ends(rest: ArmatureRest, ankle: int, ball: int) -> SkinPoints:
+    """Return both ends of the bones below the ankle, the ankle's head included."""
+    below = [bone for bone in range(ankle + 1, len(rest)) if rest.is_above(ankle, bone)]
+    points = [rest.heads[ankle], *(end for bone in below for end in (rest.heads[bone], rest.tails[bone]))]
+    if not below:
+        points.append(rest.tails[ankle])
+    weights = [float(ball >= 0 and (bone == ball or rest.is_above(ball, bone))) for bone in below for _ in range(2)]
+    return SkinPoints(np.array(points), np.array([0.0, *weights, *([] if below else [0.0])]))
+
+
+def _outline(sole: Sole) -> Sole:
+    """Return the points that are lowest in some pose of the foot."""
+    kept = set()
+    for pitch, roll, bend in product(_PITCHES, _ROLLS, _BENDS):
+        foot = rot.from_euler(np.radians([roll, pitch]), "ZX")
+        toes = rot.multiply(foot, rot.from_euler(np.radians([-bend]), "X"))
+        kept.add(int(np.argmin(sole.foot @ rot.vertical_in(foot) + sole.toes @ rot.vertical_in(toes))))
+    rows = sorted(kept)
+    return Sole(sole.foot[rows], sole.toes[rows])

@@ -1,0 +1,108 @@
+"""Where the feet of a character of others are, as Blender evaluates its meshes, compared with the performer's."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import bpy
+import numpy as np
+from perfanim.core.body.motion import Motion
+from perfanim.core.body.motion_metrics import CONTACT
+from perfanim.core.body.skeleton import forward_kinematics
+from perfanim.core.geometry.arrays import runs
+from retargeted import played
+
+_FOOT_M = 0.35  # farther than this from the ankle, a vertex is not the foot's
+
+
+@dataclass(frozen=True)
+class Stood:
+    """What was measured, in the performer's millimetres.
+
+    Args:
+        soles_mm: (F, 2) height of the lowest point of each foot above the floor.
+        slide_mm: farthest that the ball of a foot comes from its mean place while the performer's stands.
+        own_slide_mm: the same of the performer.
+        standing: (F, 2) frames in which the performer's feet stand.
+    """
+
+    soles_mm: np.ndarray
+    slide_mm: float
+    own_slide_mm: float
+    standing: np.ndarray
+
+
+def stood(done: dict[str, Any], motion: Motion, first: int = 1) -> Stood:
+    """Measure what `retarget_file` has done; its scene is open, at one frame of the motion a frame from the `first`."""
+    armature_object = bpy.data.objects[done["armature"]]
+    bones = done["mapped"]
+    scale = done["scale"] * float(np.mean(np.array(armature_object.matrix_world.to_scale())))
+    feet = [bones[side + "foot"] for side in "lr"]
+    matrices = played(armature_object, motion.frames, feet, first)
+    ankles = np.stack([matrices[foot][:, :3, 3] for foot in feet], axis=1)
+    floor = float(armature_object.matrix_world.translation.z)
+    soles = np.array(
+        [_lowest(armature_object, feet, first + frame, ankles[frame], scale) for frame in range(motion.frames)]
+    )
+    rest = {
+        name: np.array(armature_object.matrix_world @ armature_object.data.bones[name].matrix_local) for name in feet
+    }
+    balls = []
+    for side, foot in zip("lr", feet, strict=True):
+        toes = bones.get(side + "toes")
+        place = (
+            np.array(armature_object.matrix_world @ armature_object.data.bones[toes].head_local)
+            if toes
+            else rest[foot][:3, 3] + scale * np.array([0.0, -0.13, -0.04])
+        )
+        own = np.linalg.inv(rest[foot]) @ np.append(place, 1.0)
+        balls.append((matrices[foot] @ own)[:, :3])
+    positions, _ = forward_kinematics(motion.skeleton, motion.rotations, motion.root_positions_m)
+    own_balls = positions[:, [motion.skeleton.index(side + "toes") for side in "lr"]]
+    speed = np.linalg.norm(np.diff(own_balls, axis=0, prepend=own_balls[:1]), axis=-1) * motion.fps
+    standing = (speed < CONTACT.speed_m_s) & (own_balls[..., 1] < own_balls[..., 1].min(axis=0) + CONTACT.height_m)
+    return Stood(
+        1000.0 * (soles - floor) / scale,
+        1000.0 * _drift(np.stack(balls, axis=1)[..., :2] / scale, standing),
+        1000.0 * _drift(own_balls[..., [0, 2]], standing),
+        standing,
+    )
+
+
+def _drift(places: np.ndarray, standing: np.ndarray) -> float:
+    worst = 0.0
+    for foot in range(2):
+        for start, stop in runs(standing[:, foot]):
+            way = places[start:stop, foot] - places[start:stop, foot].mean(axis=0)
+            worst = max(worst, float(np.linalg.norm(way, axis=-1).max()))
+    return worst
+
+
+def _lowest(
+    armature_object: bpy.types.Object, feet: list[str], frame: int, ankles: np.ndarray, scale: float
+) -> list[float]:
+    """Heights in the scene of the lowest points of both feet: of the meshes, or else of the bones."""
+    bpy.context.scene.frame_set(frame)
+    graph = bpy.context.evaluated_depsgraph_get()
+    points = []
+    for mesh_object in bpy.context.scene.objects:
+        if mesh_object.type == "MESH" and mesh_object.find_armature() == armature_object and mesh_object.vertex_groups:
+            evaluated = mesh_object.evaluated_get(graph)
+            mesh = evaluated.to_mesh()
+            places = np.empty(3 * len(mesh.vertices), dtype=np.float32)
+            mesh.vertices.foreach_get("co", places)
+            world = np.array(evaluated.matrix_world)
+            points.append(places.reshape(-1, 3) @ world[:3, :3].T + world[:3, 3])
+            evaluated.to_mesh_clear()
+    if points:
+        every = np.concatenate(points)
+        away = np.linalg.norm(every[:, None] - ankles, axis=-1)
+        near = [(away[:, foot] < _FOOT_M * scale) & (away[:, foot] <= away[:, 1 - foot]) for foot in range(2)]
+        if min(np.count_nonzero(each) for each in near) > 20:  # else the mesh is something else, and the bones stand
+            return [float(every[each, 2].min()) for each in near]
+    posed = armature_object.evaluated_get(graph)
+    found = []
+    for foot in feet:
+        bone = posed.pose.bones[foot]
+        below = [end for each in bone.children_recursive for end in (each.head, each.tail)] or [bone.tail]
+        found.append(min(float((posed.matrix_world @ end).z) for end in (bone.head, *below)))
+    return found
