@@ -12,7 +12,7 @@ from ..geometry.arrays import Mask
 from ..geometry.camera import Camera, CameraRig
 from ..markers.marker_set import load_marker_set
 from ..system.progress import Progress, no_progress
-from .body_network import body_network_file
+from ..vision.people.network_file import body_network_file
 
 if TYPE_CHECKING:
     from ..markers.marker_frame import MarkerFrame
