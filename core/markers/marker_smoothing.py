@@ -34,7 +34,7 @@ class SmoothingSettings:
     sudden: float = 1.75  # factor by which the filters underestimate the error of hidden markers
     known_m: float = 0.09  # largest standard deviation with which a hidden marker is used
     standing_m_s: float = 0.2  # speed below which the marker of a foot stands
-    standing_s: float = 1.0  # time for which a hidden marker of a standing foot is assumed to stay
+    standing_s: float = 0.25  # time for which a hidden marker of a standing foot is assumed to stay
     standing_sigma_m: float = 0.005  # its standard deviation meanwhile
 
 

@@ -281,7 +281,9 @@ def _trajectory(
     progress: Callable[[float], None],
     way: int,
 ) -> _Trajectory:
-    """Return a stretch solved in one direction of time; errors are infinite where it could not be solved.
+    """Return a stretch solved in one direction of time.
+
+    Where it cannot be solved, it has the live poses, forwards with their errors, backwards with infinite ones.
 
     Args:
         solver: Solver for that direction.
@@ -289,7 +291,10 @@ def _trajectory(
         way: 1 for forwards, -1 for backwards.
     """
     live, part_errors = _live_trajectory(poses), PartErrors(solver.subject)
-    unsolved = (np.full_like(errors, np.inf) for errors in (live.errors_deg, live.joint_errors_deg))
+    unsolved = (
+        errors.copy() if way > 0 else np.full_like(errors, np.inf)
+        for errors in (live.errors_deg, live.joint_errors_deg)
+    )
     trajectory = _Trajectory(live.rotations.copy(), live.root_positions_m.copy(), *unsolved)
     order = range(len(poses))[::way]
     state = replace(solver.initial_state, markers_m=poses[order[0]].markers_m)

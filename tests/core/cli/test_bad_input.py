@@ -178,7 +178,7 @@ CASES = [
     ("calibrate cameras --left left --right right --board 9x6 --out out/a.toml", "does not describe a board"),
     ("calibrate cameras --left left --right right --board chessboard:9x6:0 --out out/a.toml", "larger than zero"),
     ("calibrate cameras --left left --right right --out out/a.toml", "--board is missing"),
-    ("calibrate cameras --board chessboard:9x6:25mm --out out/a.toml", "pictures of the board are needed"),
+    ("calibrate cameras --board chessboard:9x6:25mm --out out/a.toml", "pictures of each camera are needed"),
     ("calibrate cameras --left left --right right --board chessboard:9x6:25mm --out out/a.toml", "found in 0 of 6"),
     ("calibrate cameras --left left --board chessboard:9x6:25mm --out out/a.toml", "--left and --right go together"),
     (
