@@ -21,6 +21,7 @@ from .job_operators import JobOperator
 from .operator_bases import need
 
 PANEL = "cameras"
+_RECORDED = {"VIDEOS": "video", "IMAGES": "folder"}  # endings of the settings that hold the recordings
 SIMULATED_BOARD = (9, 6, 80.0)  # inner corners and square in mm
 
 
@@ -52,6 +53,39 @@ class PERFANIM_OT_calibrate_cameras(JobOperator, bpy.types.Operator):
             if not is_folder(folder):
                 raise CalibrationError("is not a folder", where=folder, advice=f"choose the {side} camera's images")
             arguments += [f"--{side}", folder]
+        return arguments
+
+    def on_result(self, context: bpy.types.Context, summary: dict[str, Any]) -> str:
+        settings(context).calibration = self._target
+        return _quality(summary)
+
+
+class PERFANIM_OT_calibrate_walking(JobOperator, bpy.types.Operator):
+    """Calibrate both cameras by a person who walks about in the recording, without a board.
+    Lenses that were calibrated with a board are kept"""
+
+    bl_label = "Calibrate by Walking"
+    title = "Calibrating the cameras"
+    panel = PANEL
+
+    @classmethod
+    def missing_input(cls, context: bpy.types.Context) -> str:
+        chosen = settings(context)
+        if chosen.source not in ("VIDEOS", "IMAGES"):
+            return "Needs videos or image folders as the source; live cameras are calibrated with the board"
+        return readiness.network(chosen).problem
+
+    def arguments(self, context: bpy.types.Context) -> list[str]:
+        chosen = settings(context)
+        self._target = str(user_folder("calibrations") / "cameras-by-walking.toml")
+        arguments = ["calibrate", "cameras", "--by-walking", "--out", self._target]
+        arguments += ["--height", f"{chosen.subject_height:.3f}"]
+        for side in ("left", "right"):
+            arguments += [f"--{side}", absolute(getattr(chosen, f"{side}_{_RECORDED[chosen.source]}"))]
+        present = absolute(chosen.calibration)
+        rig = readiness.found(readiness.rig, present) if present else None
+        if rig and "by" not in rig.metadata and {"left", "right"} <= {camera.name for camera in rig.cameras}:
+            arguments += ["--lenses", present]
         return arguments
 
     def on_result(self, context: bpy.types.Context, summary: dict[str, Any]) -> str:

@@ -15,6 +15,7 @@ from ..settings.capture_settings import settings
 from .panel_drawing import draw_job, draw_text, header_status
 from .step_panels import PERFANIM_PT_camera_controls, draw_ignored, draw_source
 
+_BY_HEIGHT = ("average_performer", "check_setup", "calibrate_walking")
 _BOARD, _FOLDERS = ("board_columns", "board_rows", "board_square_mm"), ("board_left", "board_right")
 
 
@@ -87,6 +88,7 @@ def _draw_settings(layout: bpy.types.UILayout, chosen: Any, step: guide_steps.Gu
     if step is guide_steps.STEPS[0]:
         draw_source(layout, chosen)
     is_simulated, button = chosen.source == "SIMULATED", step.operator(chosen)
-    hidden = {"practise_fault": not is_simulated, "subject_height": button not in ("average_performer", "check_setup")}
-    hidden |= dict.fromkeys(_BOARD, is_simulated) | dict.fromkeys(_FOLDERS, button != "calibrate_cameras")
+    hidden = {"practise_fault": not is_simulated, "subject_height": button not in _BY_HEIGHT}
+    hidden |= dict.fromkeys(_BOARD, is_simulated or button == "calibrate_walking")
+    hidden |= dict.fromkeys(_FOLDERS, button != "calibrate_cameras")
     draw_props(layout, chosen, *(name for name in step.drawn if not hidden.get(name)))

@@ -180,6 +180,8 @@ def _floor_text(settings: Any) -> str:
 
 
 def _calibrating(settings: Any) -> str:
+    if settings.source in ("VIDEOS", "IMAGES") and readiness.follows_person(settings):
+        return "calibrate_walking"
     return "calibrate_board" if settings.source in ("CAMERAS", "SIMULATED") else "calibrate_cameras"
 
 
@@ -188,6 +190,8 @@ def _measuring(settings: Any) -> str:
 
 
 def _calibrating_text(settings: Any) -> str:
+    if _calibrating(settings) == "calibrate_walking":
+        return "Type the height of the person, who walks about for 20 s where both cameras see all of them, and click."
     if _calibrating(settings) == "calibrate_board":
         return "Hold the board in front of the cameras, still for a moment in each place that the preview asks for."
     return "Choose the folders with each camera's pictures of the board, or a calibration under Cameras."
@@ -247,7 +251,7 @@ STEPS = (
         _calibrating,
         "cameras",
         readiness.cameras,
-        ("board_columns", "board_rows", "board_square_mm", "board_left", "board_right"),
+        ("board_columns", "board_rows", "board_square_mm", "board_left", "board_right", "subject_height"),
     ),
     GuideStep(
         "Person",
