@@ -30,7 +30,7 @@ def order_last_run(order):
 
 
 def order_set(order):
-    chosen = bpy.context.scene.perfanim
+    chosen = getattr(bpy.context.scene, order.get("group", "perfanim"))
     for name, value in order["values"].items():
         value = set(value) if isinstance(value, list) else value
         setattr(chosen, name, bpy.data.objects.get(value) if name == "armature" else value)
