@@ -238,7 +238,7 @@ def _disturbed_ratios(rows: Rows) -> list[dict[str, Any]]:
     """Return the ratios to the other version, by disturbance."""
     return [
         {"disturbance": name} | ratio
-        for (name,), of in groups([row | {"method": row["way"]} for row in rows], "disturbance").items()
+        for (name,), of in groups([dict(row) | {"method": row["way"]} for row in rows], "disturbance").items()
         for way, other in BASELINES.items()
         for ratio in paired_ratios(of, way, other, CONDITIONS)
     ]
