@@ -5,6 +5,8 @@ from pathlib import Path
 import bpy
 from bpy_extras.io_utils import ExportHelper
 
+from ...core.body.moved_feet import floor_height_m
+from ...core.body.standing_on_floor import on_floor
 from ...core.errors import PerfanimError, TakeError
 from ...core.formats.motion.write_motion import ANGLES, VRMA, write_motion
 from ...core.formats.take_file.take_reader import read_take_file, summarise
@@ -112,5 +114,9 @@ class PERFANIM_OT_export_take(TakeOperator, PanelOperator, bpy.types.Operator, E
         clock = pose_clock(performed, self.path, stated_fps=1.0)  # also for a single pose
         clock = clock.at(max(1.0, round(self.rate or clock.fps)))  # Blender's exporters need a whole rate
         shown = steady_motion(performed, subject, take.notes.name, clock)
+        if context.scene.perfanim_result.on_floor:  # as on the character; the first performer's floor is everybody's
+            first = [pose.performers[0] for pose in poses]
+            floor = steady_motion(first, motion.performers[0].subject, take.notes.name, clock)
+            shown = on_floor(shown, floor_height_m(floor))
         count = export_poses(context, armature, target, self.kind, shown, Form(self.meshes, naming, self.scale))
         return f"{count} frames of {title} on {armature} in {target}"
