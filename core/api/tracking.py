@@ -37,6 +37,7 @@ from ..vision.calibration.rig_on_floor import rig_on_floor
 from ..vision.detection.blob_detector import DetectionSettings
 from ..vision.people.body_network import BlazePose
 from ..vision.people.people_pipeline import PeoplePipeline
+from ..vision.people.person_clocks import synchronise_person
 from ..vision.pipeline import MarkerPipeline
 from ..vision.sources.source_kinds import open_image_source
 from ..vision.tracked_take import image_take, labelled_rms_px, labelled_take, relocate, synchronise_frames
@@ -143,7 +144,12 @@ def track(request: TrackRequest, progress: Progress = no_progress) -> Facts:
     """
     spent_s: list[float] = []
     with closing(
-        open_image_source(*request.sources, fps=request.fps, size=request.rig.cameras[0].image_size)
+        open_image_source(
+            *request.sources,
+            fps=request.fps,
+            size=request.rig.cameras[0].image_size,
+            together=not (request.people and request.time_offsets),
+        )
     ) as source:
         pipeline = _people(request) if request.people else _pipeline(request, source, progress)
         frames = _detect(request, pipeline, source, spent_s, progress)
@@ -211,7 +217,7 @@ def _record(request: TrackRequest, frames: Iterator[MarkerFrame], *, keep_cut: b
         moved, facts = _synchronise(request, take.frames)
         if request.people or facts.get("time_offsets_applied"):
             stamps_s = [stamp_s for stamp_s, _ in take.stamped_frames]
-            write_whole_take(written, setup, take.notes, list(zip(stamps_s, moved, strict=True)), [])
+            write_whole_take(written, setup, take.notes, list(zip(stamps_s[: len(moved)], moved, strict=True)), [])
         with atomic_path(request.out) as temporary:
             written.replace(temporary)
     finally:
@@ -226,18 +232,23 @@ def _record(request: TrackRequest, frames: Iterator[MarkerFrame], *, keep_cut: b
 def _synchronise(request: TrackRequest, frames: Sequence[MarkerFrame]) -> tuple[Sequence[MarkerFrame], Facts]:
     """Return the frames with the blobs of all cameras moved to one time, and figures about them.
 
-    Frames of a person are located again instead, with what the whole take tells about left and right.
+    Frames of a person are located again, too, with what the whole take tells about left and right.
     """
     aligned: Facts = {}
-    if request.people:
-        frames = relocate(request.rig, frames)
-    elif len(request.rig) > 1 and request.time_offsets:
-        frames, offsets = synchronise_frames(request.rig, frames)
+    if len(request.rig) > 1 and request.time_offsets:
+        if request.people:
+            frames, offsets = synchronise_person(request.rig.cameras, frames, request.points, placed=True)
+            applied = any(offset.is_found for offset in offsets[1:])
+        else:
+            frames, offsets = synchronise_frames(request.rig, frames)
+            applied = any(offset.is_certain for offset in offsets)
         aligned = {
             "time_offsets_ms": [1e3 * offset.offset_s if offset.is_found else None for offset in offsets],
             "time_offset_sigmas_ms": [1e3 * offset.sigma_s if offset.is_found else None for offset in offsets],
-            "time_offsets_applied": any(offset.is_certain for offset in offsets),
+            "time_offsets_applied": applied,
         }
+    if request.people:
+        frames = relocate(request.rig, frames)
     return frames, _frame_facts(request, frames) | aligned
 
 
