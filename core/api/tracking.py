@@ -19,6 +19,7 @@ from ..formats.take_file.take_writer import record_frames
 from ..formats.take_file.whole_take import write_whole_take
 from ..geometry.camera import CameraRig
 from ..geometry.rig_file import save_rig
+from ..labelling.human_size import has_human_shape
 from ..labelling.trajectory_linking import track_markers
 from ..labelling.trajectory_naming import match_trajectories, name_trajectories
 from ..markers.floor_from_feet import floor_points, to_rig_world
@@ -46,6 +47,7 @@ Facts = dict[str, Any]
 
 _LATER = "none: solving the take labels the markers"
 _NETWORKS = "those of the body network"
+_NO_PERSON = "what the network found does not have the shape of a person: it also finds people in animals and things"
 
 
 @dataclass(frozen=True)
@@ -258,7 +260,7 @@ def _write_trajectories(request: TrackRequest, seen: Sequence[MarkerFrame], fps:
     progress(0.6, "labelling")
     if request.people:
         take = labelled_take(frames, request.points.names, request.name, fps, request.rig)
-        found["labels"] = _NETWORKS
+        found |= {"labels": _NETWORKS, "warnings": [] if has_human_shape(take, request.points) else [_NO_PERSON]}
     elif len(request.rig) == 1 and request.database is None:
         take = image_take(frames, request.rig, request.name, fps)
     else:
@@ -353,7 +355,14 @@ def _frame_facts(request: TrackRequest, frames: Sequence[MarkerFrame]) -> Facts:
     shown = np.sort(rays if len(rig) == 1 else points)[::-1]
     if not shown.any():
         if request.people:
-            raise TakeError("nobody was found", advice="check the light, and that the images show the whole body")
+            advice = "check the light, and that the images show the whole body"
+            empty = [
+                camera.name
+                for index, camera in enumerate(rig.cameras)
+                if not any(len(f.detected[index]) for f in frames)
+            ]
+            where = f" in the images of {' and '.join(empty)}" if empty else " by two cameras at the same time"
+            raise TakeError("nobody was found" + where, advice=advice)
         advice = "check the threshold, the cameras' order and the calibration"
         raise TakeError("no markers were found", advice=advice)
     worn = worn or max(int(shown[int(_SETTINGS.worn_share * len(shown))]), 1)
