@@ -45,21 +45,21 @@ class RoomSettings:
 ROOM = RoomSettings()
 
 
-def rendered(run: Run) -> dict[str, Any]:
+def rendered_person(run: Run) -> dict[str, Any]:
     """Film a walk, find the person, solve, and compare with the walk.
 
     Returns:
         rows (joint; median, and 90th percentile of the distance, mm), median_mm and p90_mm over all joints, and
         found (share of the pictures' points that are located).
     """
-    motion = filmed_motion(run.data, ROOM.seconds)
-    found = distances(motion, two_cameras(), run.out / "rendered")
-    return run.write("people-rendered", found, {"": found["rows"]})
+    motion = filmed_motion(run.data / "cmu", ROOM.seconds)
+    found = distances(motion, two_cameras(), run.out / "rendered-person")
+    return run.write("rendered-person", found, {"": found["rows"]})
 
 
-def filmed_motion(data: Path, seconds: float) -> Motion:
+def filmed_motion(cmu: Path, seconds: float) -> Motion:
     """Return the take's motion at the films' rate, in the middle of the room."""
-    motion = resampled(read_motion(data / ROOM.take), ROOM.fps)
+    motion = resampled(read_motion(cmu / ROOM.take), ROOM.fps)
     motion = sliced(motion, 0, min(motion.frames, round(seconds * ROOM.fps)))
     joints_m = forward_kinematics(motion.skeleton, motion.rotations, motion.root_positions_m)[0]
     middle = 0.5 * (joints_m.min(axis=(0, 1)) + joints_m.max(axis=(0, 1)))
@@ -81,7 +81,7 @@ def two_cameras() -> CameraRig:
 
 
 def distances(motion: Motion, rig: CameraRig, folder: Path) -> dict[str, Any]:
-    """Return the figures of `rendered` for films of a motion, which are written to a folder."""
+    """Return the figures of `rendered_person` for films of a motion, which are written to a folder."""
     from .rendered_room import render  # needs bpy
 
     render(motion, rig, folder)
@@ -91,11 +91,15 @@ def distances(motion: Motion, rig: CameraRig, folder: Path) -> dict[str, Any]:
     take = read_take(out)
     solved = solve(take).motion
     frames = np.searchsorted(np.arange(motion.frames) / motion.fps + 1e-6, take.times_s)
-    own_m = _joints(solved)
-    true_m = _joints(motion)[np.clip(frames, 0, motion.frames - 1)[: len(own_m)]]
+    own_m = joints_of(solved)
+    true_m = joints_of(motion)[np.clip(frames, 0, motion.frames - 1)[: len(own_m)]]
     away_mm = 1e3 * np.linalg.norm(own_m - true_m, axis=-1)
     rows = [
-        {"joint": name, "median_mm": round(float(np.median(each)), 1), "p90_mm": round(float(np.percentile(each, 90)), 1)}
+        {
+            "joint": name,
+            "median_mm": round(float(np.median(each)), 1),
+            "p90_mm": round(float(np.percentile(each, 90)), 1),
+        }
         for name, each in zip([side + name for name in JOINTS for side in "lr"], away_mm.T, strict=True)
     ]
     return {
@@ -107,7 +111,8 @@ def distances(motion: Motion, rig: CameraRig, folder: Path) -> dict[str, Any]:
     }
 
 
-def _joints(motion: Motion) -> Array:
+def joints_of(motion: Motion) -> Array:
+    """Return the places (F, J, 3) of `JOINTS` of the left and the right side."""
     joints_m = forward_kinematics(motion.skeleton, motion.rotations, motion.root_positions_m)[0]
     return joints_m[:, [motion.skeleton.index(side + name) for name in JOINTS for side in "lr"]]
 
