@@ -4,8 +4,8 @@ How far a marker can move in a frame is predicted from its own motion. A positio
 motion, than a wild point is doubted: the marker is treated as hidden for one frame. If it is still far from its
 prediction in the next frame, the new position is accepted: its label or its position on the body has changed, or it has
 moved faster than predicted. If most markers jump, there is a cut to another motion or another person, and the positions
-are accepted immediately. Markers that jump to where others are expected have exchanged labels. These are corrected, but
-only for half a second: a longer exchange is accepted.
+are accepted immediately. Two markers that jump to where each other is expected have exchanged labels. These are corrected for as long
+as each continues the other's motion better than its own, but for half a second at most: a longer exchange is accepted.
 """
 
 import math
@@ -67,6 +67,7 @@ class JumpGate:
         self._doubted = np.zeros(markers, dtype=bool)
         # for each marker, the number of successive positions in its current motion, and of frames with exchanged labels
         self._ages, self._exchanges = np.zeros((2, markers), dtype=np.int64)
+        self._partners = np.arange(markers)  # marker whose label each had in the last frame
 
     def step(
         self, points_m: Array, noise_m: Array, follower: MultipleModelFilter, carried: Carried, elapsed_s: float
@@ -89,10 +90,9 @@ class JumpGate:
             left &= follower.log_likelihoods(points_m, noise_m) < _WILD
         jumped = left & (away_m > settings.jerk_m_s3 * elapsed_s**3)
         explained = is_settled & np.isfinite(away_m) & ~jumped
-        exchanged = np.zeros_like(jumped)
-        if carried.fits and np.count_nonzero(jumped & is_settled) > 1:
-            points_m, exchanged = self._put_back(points_m, noise_m, follower, jumped & is_settled)
-            jumped, left = jumped & ~exchanged, left & ~exchanged
+        begins = jumped & is_settled & carried.fits
+        points_m, exchanged = self._put_back(points_m, noise_m, follower, begins)
+        jumped, left = jumped & ~exchanged, left & ~exchanged
         variances = (settings.torso_m_s2 * elapsed_s**2) ** 2 + noise_m**2
         squares = np.sum((points_m - carried.torso_m) ** 2, axis=1)
         is_carried_off = squares > np.maximum(settings.near_m**2, settings.outside**2 * variances)
@@ -112,16 +112,22 @@ class JumpGate:
         self, points_m: Array, noise_m: Array, follower: MultipleModelFilter, jumped: Mask
     ) -> tuple[Array, Mask]:
         """Return the markers (M, 3) with exchanges among jumped ones undone, and a mask (M,) of the exchanged ones."""
-        markers = np.flatnonzero(jumped & (self._exchanges < self._settings.exchanged)).tolist()
+        put_back, exchanged, last = points_m.copy(), np.zeros_like(jumped), self._partners
+        self._partners = np.arange(len(jumped))
+        may = self._exchanges < self._settings.exchanged
+        markers = np.flatnonzero(may & (jumped | (last != self._partners)) & np.isfinite(points_m[:, 0])).tolist()
+        if len(markers) < 2:
+            return put_back, exchanged
         logs = np.full((len(jumped), len(jumped)), -np.inf)  # log density (row) marker at (column) another's point
         for other in markers:
             moved = np.broadcast_to(points_m[other], points_m.shape)
             logs[:, other] = follower.log_likelihoods(moved, noise_m)
         pairs = [(logs[one, other] + logs[other, one], one, other) for one, other in combinations(markers, 2)]
-        put_back, exchanged = points_m.copy(), np.zeros_like(jumped)
-        for _, one, other in sorted(pairs, reverse=True):
-            fit = min(logs[one, other], logs[other, one]) > _WILD
-            if fit and not (exchanged[one] or exchanged[other]):
+        for both, one, other in sorted(pairs, reverse=True):
+            goes_on = last[one] == other and both > logs[one, one] + logs[other, other]
+            begins = jumped[one] and jumped[other] and min(logs[one, other], logs[other, one]) > _WILD
+            if (goes_on or begins) and not (exchanged[one] or exchanged[other]):
                 put_back[[one, other]] = points_m[[other, one]]
                 exchanged[[one, other]] = True
+                self._partners[[one, other]] = other, one
         return put_back, exchanged
