@@ -35,7 +35,7 @@ _WORN_S = 0.2  # time constant for averaging a marker's offset from the solved b
 # tilt from the examples at which the confidence has fallen to 1/e; people are within 36 degrees in 95 % of the frames,
 # lying bodies at 78 or more
 _TILTED_DEG = 60.0
-_EXPLAINED = 0.3  # least share (see `Fit`) that a pose explains for exchanged labels to be corrected
+_LIKELIER = 0.6  # distance to the closest example, relative to that with corrected labels, below which the given stay
 _WORSE_M = 0.004  # largest increase of the RMS distance from the body with alternative labels
 
 
@@ -112,7 +112,7 @@ class Session:
         if solution:
             pose = self._solved_pose(frame, tracked, solution)
         else:
-            self._agreement = self._explained = 0.0
+            self._agreement = 0.0
             pose = self._last_pose(frame, frame.time_s, NoteKind.WAITING, observation)
         elapsed_s = self._elapsed_s(frame.time_s)
         self._last = pose
@@ -137,7 +137,7 @@ class Session:
     def restart(self, reason: NoteKind | None = None) -> None:
         """Forget labels and pose: the next frame is treated like the first, and its pose gets a note of the reason."""
         self._decisions = [reason] if reason else []
-        self._agreement = self._explained = 0.0
+        self._agreement = 0.0
         self.labeller.reset()
         self._forget()
 
@@ -177,7 +177,13 @@ class Session:
             # markers are not worn exactly where the body model has them, so their mean offsets are added
             worn_m = self._state.markers_m + np.nan_to_num(self._apart_m)
             carried_m[slow] = (worn_m + self._elapsed_s(time_s) * self._marker_velocities)[slow]
-        return Carried(carried_m, self._explained >= _EXPLAINED)
+        return Carried(carried_m, self._are_likelier)
+
+    def _are_likelier(self, given_m: Array, corrected_m: Array) -> bool:
+        """Return whether markers (M, 3) as given are much nearer to an example than with corrected labels."""
+        fresh = replace(self.solver.initial_state, root=self._state.root, markers_m=self._state.markers_m)
+        own_m, other_m = (self.solver.closest_m(fresh, Observation.of_points(each)) for each in (given_m, corrected_m))
+        return own_m < _LIKELIER * other_m
 
     def _note_markers(self, before_m: Array | None, observation: Observation, elapsed_s: float) -> None:
         """Remember the velocities of the solved markers, and the mean offsets of observed markers from solved ones."""
@@ -249,7 +255,7 @@ class Session:
         # with one camera, markers are compared with the rays
         shown = observation.back_projected(solution.markers_m) if self._has_one_camera else observation
         fit = assess_fit(shown, solution, self._quality.settings)
-        self._agreement, self._explained = fit.agreement, fit.explained
+        self._agreement = fit.agreement
         texts = np.array(self.subject.marker_set.texts)
         hidden, jumped = texts[~fit.located & ~tracked.doubted], texts[tracked.doubted]
         notes = [*source_notes(frame.notes), *([PoseNote.hidden(hidden)] if len(hidden) else [])]

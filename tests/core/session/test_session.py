@@ -69,18 +69,6 @@ def test_hidden_marker_is_noted_and_lowers_confidence(subject, database, record,
     np.testing.assert_array_equal(np.isnan(pose.observed_m[:, 0]), [0, 0, 0, 0, 1, 0, 1, 0])
 
 
-def test_a_frame_without_a_pose_agrees_with_nothing(subject, database, record, noisy):
-    session = Session(subject, database)
-    for number in range(3):
-        session.step(record(noisy[number], number, KNOWN))
-    assert session._carried(3 / FPS).fits
-    session._forget()  # without a restart, which forgets the agreement, too
-    few = noisy[3].copy()
-    few[[0, 1, 2, 6]] = np.nan
-    assert PoseNote.of(NoteKind.WAITING) in session.step(record(few, 3, KNOWN)).notes
-    assert not session._carried(4 / FPS).fits
-
-
 def test_a_lying_walk_is_doubtful(subject, database, record, noisy):
     upright, lying = Session(subject, database), Session(subject, database)
     turned = noisy[..., [0, 2, 1]] * [1.0, 1.0, -1.0]  # z is up
