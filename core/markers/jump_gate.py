@@ -5,8 +5,8 @@ motion, than a wild point is doubted: the marker is treated as hidden. If it dev
 direction in the next frame, or stays elsewhere for a few frames, it is accepted: its label or its position on the body
 has changed, or it has moved faster than predicted. If most markers jump, there is a cut to another motion or another
 person, and the positions are accepted immediately. Two markers that jump to where the other is expected have exchanged
-labels. These are corrected for as long as each continues the other's motion better than its own, but for half a second
-at most: a longer exchange is accepted.
+labels. These are corrected for as long as each continues the other's motion better than its own, unless the given
+labels look more like a body: much more at first, or at all after half a second.
 """
 
 import math
@@ -35,7 +35,9 @@ class JumpSettings:
     # cosine of the angle between the deviations of two successive positions above which they confirm each other
     same_way: float = 0.8
     doubted: int = 3  # number of successive doubted positions after which the next one is accepted
-    exchanged: int = 30  # number of frames after which exchanged labels are accepted
+    # distance from the nearest example, relative to that with corrected labels, below which given labels are believed
+    begun: float = 0.6
+    exchanged: int = 30  # number of frames after which they are believed if this distance is not larger
     cut: float = 0.5  # share of located markers that deviate from their motion above which there is a cut
 
 
@@ -47,9 +49,9 @@ class Carried(NamedTuple):
     """Prediction of the next frame's markers from the body so far."""
 
     torso_m: Array  # (M, 3) torso markers, extrapolated with the body; NaN for other markers and if unknown
-    # Judges markers (M, 3) as given and as corrected when labels seem to be exchanged: whether the given ones look much
-    # more like a body, because the labels have been wrong until now. By default they do not.
-    is_likelier: Callable[[Array, Array], bool] | None = None
+    # Distance of markers (M, 3) as given from the nearest example of a body, relative to their distance with exchanged
+    # labels corrected: where labels seem to be exchanged, they may have been wrong until now. By default it is unknown.
+    nearness: Callable[[Array, Array], float] = lambda given_m, corrected_m: math.nan
 
 
 class Gated(NamedTuple):
@@ -98,7 +100,7 @@ class JumpGate:
             left &= follower.log_likelihoods(points_m, noise_m) < _WILD
         jumped = left & (away_m > settings.jerk_m_s3 * elapsed_s**3)
         explained = is_settled & np.isfinite(away_m) & ~jumped
-        points_m, exchanged = self._put_back(points_m, noise_m, follower, jumped, carried.is_likelier)
+        points_m, exchanged = self._put_back(points_m, noise_m, follower, jumped, carried.nearness)
         jumped, left = jumped & ~exchanged, left & ~exchanged
         variances = (settings.torso_m_s2 * elapsed_s**2) ** 2 + noise_m**2
         squares = np.sum((points_m - carried.torso_m) ** 2, axis=1)
@@ -134,13 +136,13 @@ class JumpGate:
         noise_m: Array,
         follower: MultipleModelFilter,
         jumped: Mask,
-        is_likelier: Callable[[Array, Array], bool] | None,
+        nearness: Callable[[Array, Array], float],
     ) -> tuple[Array, Mask]:
         """Return the markers (M, 3) with exchanges among jumped ones undone, and a mask (M,) of the exchanged ones."""
         put_back, exchanged, last = points_m.copy(), np.zeros_like(jumped), self._partners
         self._partners = np.arange(len(jumped))
-        may = self._exchanges < self._settings.exchanged
-        markers = np.flatnonzero(may & (jumped | (last != self._partners)) & np.isfinite(points_m[:, 0])).tolist()
+        possible = (jumped | (last != self._partners)) & np.isfinite(points_m[:, 0])
+        markers = np.flatnonzero(possible).tolist()
         if len(markers) < 2:
             return put_back, exchanged
         logs = np.full((len(jumped), len(jumped)), -np.inf)  # log density (row) marker at (column) another's point
@@ -150,14 +152,17 @@ class JumpGate:
         pairs = [(logs[one, other] + logs[other, one], one, other) for one, other in combinations(markers, 2)]
         for both, one, other in sorted(pairs, reverse=True):
             goes_on = last[one] == other and both > logs[one, one] + logs[other, other]
-            begins = jumped[one] and jumped[other] and min(logs[one, other], logs[other, one]) > _WILD
+            begins = jumped[one] and jumped[other] and both > 2.0 * _WILD
             if (goes_on or begins) and not (exchanged[one] or exchanged[other]):
                 put_back[[one, other]] = points_m[[other, one]]
                 exchanged[[one, other]] = True
                 self._partners[[one, other]] = other, one
-        begins = exchanged & (self._partners != last)
-        if begins.any() and is_likelier is not None and is_likelier(points_m, put_back):
-            exchanged &= ~begins
-            self._partners[begins] = np.flatnonzero(begins)
-            put_back[begins] = points_m[begins]
+        begins, lasts = exchanged & (self._partners != last), exchanged & (self._exchanges >= self._settings.exchanged)
+        if begins.any() or lasts.any():
+            away = nearness(points_m, put_back)
+            wrong = (begins & (away < self._settings.begun)) | (lasts & (not away > 1.0))
+            exchanged &= ~wrong
+            self._partners[wrong] = np.flatnonzero(wrong)
+            put_back[wrong] = points_m[wrong]
+            self._exchanges[lasts & ~wrong] = 0
         return put_back, exchanged

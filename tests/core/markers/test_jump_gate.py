@@ -83,12 +83,17 @@ def test_exchanged_labels_are_put_back(frames: int) -> None:
     assert np.linalg.norm(found - walking(), axis=-1).max() < 0.01
 
 
-def test_labels_that_stay_exchanged_are_believed() -> None:
+@pytest.mark.parametrize(("nearness", "believed"), [(np.nan, True), (0.9, True), (1.1, False)])
+def test_labels_that_stay_exchanged_are_believed_unless_they_contradict_the_body(
+    nearness: float, believed: bool
+) -> None:
     """The first ones may have been wrong."""
     points = walking()
     points[30:, [1, 3]] = points[30:, [3, 1]]
-    found, _ = passed(points)
-    assert np.linalg.norm(found[62:] - points[62:], axis=-1).max() < 0.01
+    smoother, carried = MarkerSmoother(MARKERS, noise_of(PointKind.MARKERS)), Carried(UNKNOWN, lambda *_: nearness)
+    found = np.array([smoother.step(number / FPS, row, carried).points_m for number, row in enumerate(points)])
+    true = points if believed else walking()
+    assert np.linalg.norm(found[62:] - true[62:], axis=-1).max() < 0.01
 
 
 def test_sides_are_put_back_and_a_performer_elsewhere_is_not() -> None:
@@ -130,9 +135,9 @@ def test_labels_that_look_like_a_body_only_as_given_are_kept() -> None:
     points[:40, [1, 3]] = points[:40, [3, 1]]
     smoother, asked = MarkerSmoother(MARKERS, noise_of(PointKind.MARKERS)), []
 
-    def as_given(given_m: np.ndarray, corrected_m: np.ndarray) -> bool:
+    def as_given(given_m: np.ndarray, corrected_m: np.ndarray) -> float:
         asked.append((given_m, corrected_m.copy()))
-        return True
+        return 0.5
 
     frames = [smoother.step(number / FPS, row, Carried(UNKNOWN, as_given)) for number, row in enumerate(points)]
     assert not any(frame.believed.exchanged.any() for frame in frames)
