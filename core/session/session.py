@@ -37,6 +37,7 @@ _WORN_S = 0.2  # time constant for averaging a marker's offset from the solved b
 # tilt from the examples at which the confidence has fallen to 1/e; people are within 36 degrees in 95 % of the frames,
 # lying bodies at 78 or more
 _TILTED_DEG = 60.0
+_OPEN_S = 0.5  # time without any known marker after which a limb is doubtful; before it, the motion goes on as expected
 _WORSE_M = 0.004  # largest increase of the RMS distance from the body with alternative labels
 
 
@@ -148,6 +149,7 @@ class Session:
         self._state = self.solver.initial_state
         self._marker_velocities = None
         self._apart_m = np.full((len(self.subject.marker_set), 3), np.nan)  # offsets of observed from solved markers
+        self._known_s = np.full(len(self._feet), -np.inf)  # times at which the solver last knew the markers
         self._labelled_s: float | None = None  # time at which one camera's labels were found
         self._frozen = FrozenMarkers(self._feet)
         self._smoother = MarkerSmoother(len(self.subject.marker_set), self._source, feet=self._feet)
@@ -300,9 +302,11 @@ class Session:
             part_errors_deg=errors_deg,
             joint_errors_deg=joint_errors_deg,
         )
-        seen = np.isfinite(points_m[:, 0]) | observation.single
-        if not seen.all():
-            pose = doubted(pose, open_limbs(self.subject.marker_set, np.array(self.subject.marker_set.names)[seen]))
+        self._known_s[np.isfinite(points_m[:, 0]) | observation.single] = frame.time_s
+        self._known_s[tracked.frozen] = -np.inf  # what is extrapolated from a frozen marker is wrong
+        lately = frame.time_s - self._known_s < _OPEN_S
+        if not lately.all():
+            pose = doubted(pose, open_limbs(self.subject.marker_set, np.array(self.subject.marker_set.names)[lately]))
         return replace(pose, notes=(*notes, *self._part_errors.notes(pose)))
 
     def _confidence(self, fit: Fit, solution: Solution, errors_deg: Array) -> float:
