@@ -269,8 +269,8 @@ class Session:
         texts = np.array(self.subject.marker_set.texts)
         hidden = texts[~fit.located & ~(tracked.doubted | tracked.frozen)]
         notes = [*source_notes(frame.notes), *([PoseNote.hidden(hidden)] if len(hidden) else [])]
-        found = ((PoseNote.jumped, tracked.doubted), (PoseNote.frozen, tracked.frozen))
-        found += ((PoseNote.exchanged, tracked.exchanged),)
+        found = [(PoseNote.jumped, tracked.doubted), (PoseNote.frozen, tracked.frozen)]
+        found.append((PoseNote.exchanged, tracked.exchanged))
         notes += [note(texts[markers]) for note, markers in found if markers.any()]
         notes += [PoseNote.of(NoteKind.UNFAMILIAR)] if solution.nearest_m > self._quality.settings.familiar_m else []
         notes += map(PoseNote.of, self._decided(solution))
@@ -306,7 +306,8 @@ class Session:
         self._known_s[tracked.frozen] = -np.inf  # what is extrapolated from a frozen marker is wrong
         lately = frame.time_s - self._known_s < _OPEN_S
         if not lately.all():
-            pose = doubted(pose, open_limbs(self.subject.marker_set, np.array(self.subject.marker_set.names)[lately]))
+            names = [name for name, is_known in zip(self.subject.marker_set.names, lately, strict=True) if is_known]
+            pose = doubted(pose, open_limbs(self.subject.marker_set, names))
         return replace(pose, notes=(*notes, *self._part_errors.notes(pose)))
 
     def _confidence(self, fit: Fit, solution: Solution, errors_deg: Array) -> float:
