@@ -92,20 +92,21 @@ def test_a_cut_to_another_room_is_told(nets, pictures):
     assert [APART in frame.notes for frame in sent.frames] == [False] * 6 + [True] * (COUNT - 6)
 
 
+@pytest.mark.long
 def test_videos_that_were_not_started_together_are_synchronised(nets, tmp_path, boxing):
     """The right video begins half a second after the left one."""
-    points_m = keypoints(boxing)[:120]
+    points_m = keypoints(boxing)[:170]
     for net, whole in zip(nets, networks(RIG, points_m), strict=True):
         net.pixels = whole.pixels
-    left = write_film(tmp_path / "left.avi", [10 * n for n in range(120)])
-    right = write_film(tmp_path / "right.avi", [10 * n + 1 for n in range(15, 120)])
+    left = write_film(tmp_path / "left.avi", [10 * n for n in range(170)])
+    right = write_film(tmp_path / "right.avi", [10 * n + 1 for n in range(15, 170)])
     source = VideoFiles((str(left), str(right)))
     sent = run(camera_frames, CamerasRequest(source=source, rig=RIG, people="network"))
     assert sent.said[0] == "synchronising the videos by the motion"
-    assert len(sent.frames) == 105
+    assert len(sent.frames) == 155
     for frame, row in zip(sent.frames, points_m[15:], strict=True):
         np.testing.assert_allclose(frame.points_m, row, atol=1e-5)
-    still = write_film(tmp_path / "still.avi", [1] * 105)
+    still = write_film(tmp_path / "still.avi", [1] * 155)
     asked = CamerasRequest(source=VideoFiles((str(left), str(still))), rig=RIG, people="network")
     with pytest.raises(CaptureError, match="when right began to film cannot be told from the motion that left shows"):
         run(camera_frames, asked)
