@@ -99,7 +99,7 @@ def _with_targets(chosen: SourceRequest, settings: Any, partners: int) -> Source
     others = [behaviour for behaviour in _PARTNERS if behaviour != settings.behaviour]
     shown = tuple(Partner(others[index % len(others)]) for index in range(partners))
     fault = _FAULTY.get(settings.practise_fault, {}) if settings.practise else {}
-    return replace(chosen, prop=carried[0] if carried else "", partners=shown, studio=fault)
+    return replace(chosen, at_once=True, prop=carried[0] if carried else "", partners=shown, studio=fault)
 
 
 def shape(settings: Any) -> FilterSettings:

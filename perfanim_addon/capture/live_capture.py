@@ -24,7 +24,7 @@ from .capture_run import CaptureRun, Phase
 from .live_refinement import LiveRefinement
 from .scene_driver import SceneDriver
 from .tuning import TUNING
-from .write_take import RecordedPart, TakeMotion, write_take
+from .write_take import RecordedPart, TakeMotion, doubts, write_take
 
 
 class LiveCapture:
@@ -211,7 +211,8 @@ class LiveCapture:
             driver.held.give_back()  # the recording's strip goes above these actions
         if not parts or driver is None or driver.space is None:
             return ""
-        _, actions = write_take(context, TakeMotion(driver.targets, driver.props, all_poses), parts, "Capture")
+        motion = TakeMotion(driver.targets, driver.props, all_poses)
+        _, actions = write_take(context, motion, parts, "Capture")
         recorded = parts[0].poses[0].number, parts[-1].poses[-1].number
         span = None if recorded == (all_poses[0].number, all_poses[-1].number) else recorded
         with contextlib.suppress(PerfanimError):  # there may be no take, because of a full disk or a killed worker
@@ -219,7 +220,7 @@ class LiveCapture:
         spans = [f"{part.frames(part.clock)[0]:.0f} to {part.frames(part.clock)[-1]:.0f}" for part in parts]
         seconds = sum(part.poses[-1].time_s - part.poses[0].time_s for part in parts)
         text = f"{sum(len(part.poses) for part in parts)} frames recorded in {', '.join(actions)}"
-        text += f": {seconds:.1f} s, scene frames {', '.join(spans)}"
+        text += f": {seconds:.1f} s, scene frames {', '.join(spans)}{doubts(motion, parts)}"
         return f"{text}; {self.run.persistent_warning}" if self.run and self.run.persistent_warning else text
 
 

@@ -19,9 +19,10 @@ from ...core.geometry import rotations as rot
 from ...core.geometry.arrays import Array, Mask
 from ...core.markers.prop import Prop
 from ...core.retarget.retargeter import RetargetPlan
+from ...core.session.doubtful_text import doubtful_text
 from ...core.session.pose_filters import FilterSettings, filter_poses
 from ..animation.action_placement import Placement, PlacementMode
-from ..animation.actions import scene_fps, write_object_action, write_with_plan
+from ..animation.actions import scene_fps, scene_frames, write_object_action, write_with_plan
 from ..character.part_bones import part_of_bones
 from ..character.retarget_plans import plan_for
 from ..settings import target_settings
@@ -143,6 +144,17 @@ def filter_take(take: TakeFile, chosen: FilterSettings, use_stored: bool = True)
         floor_of(take.setup.camera_rig()),
         chosen if stored is None else FilterSettings.of_table(stored),
     )
+
+
+def doubts(motion: TakeMotion, parts: Sequence[RecordedPart]) -> str:
+    """Return a sentence on the scene frames with doubtful poses or missing targets, and why; "" if there are none."""
+    performers, props = [each.subject.name for each in motion.performers], [prop.name for prop in motion.props]
+    told = []
+    for part in parts:
+        frames = scene_frames([pose.time_s for pose in part.poses], bpy.context.scene, part.start_frame)
+        told.append(doubtful_text(part.poses, performers, props, frames))
+    text = "; ".join(filter(None, told))
+    return f". Doubtful: {text}" if text else ""
 
 
 def write_take(

@@ -11,7 +11,7 @@ from ...core.formats.take_file.take_reader import TakeFile, read_take_file, take
 from .. import take_library
 from ..capture import capture_request
 from ..capture.performer_targets import performer_targets
-from ..capture.write_take import RecordedPart, TakeMotion, filter_take, write_take
+from ..capture.write_take import RecordedPart, TakeMotion, doubts, filter_take, write_take
 from ..panels.takes_panel import KEY as PANEL
 from ..preferences.property_kinds import HIDDEN, string
 from ..settings.capture_settings import settings
@@ -53,7 +53,7 @@ def put_on_character(context: bpy.types.Context, path: Path) -> str:
     part = RecordedPart(poses, start_frame(context))
     name, actions = write_take(context, motion, [part], take.notes.name)
     take_library.mark_played(path, name)
-    text = f"{counted(len(poses), 'frame')} in {', '.join(actions)} on {name}"
+    text = f"{counted(len(poses), 'frame')} in {', '.join(actions)} on {name}{doubts(motion, [part])}"
     unsolved = take.frame_count - len(take.poses)
     return f"{text}; {counted(unsolved, 'more frame')} without a pose: use Solve Again" if unsolved > 0 else text
 

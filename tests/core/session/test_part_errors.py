@@ -76,6 +76,9 @@ def test_notes_name_uncertain_parts_and_reasons(poses, model):
         "left arm uncertain: its marker does not fit",
         "left arm uncertain: its motion is not in the database",
     ]
+    for cameras, text in ((1, "the camera"), (2, "both cameras"), (4, "all cameras")):
+        (note,) = PartErrors(model, cameras).notes(replace(without, confidence=0.9, part_errors_deg=arm))
+        assert note.text == f"left arm uncertain: its marker is hidden from {text}"
     assert errors.notes(replace(without, confidence=0.1, part_errors_deg=arm)) == []  # all of it is
     assert errors.notes(replace(without, confidence=0.9, part_errors_deg=DOUBTFUL_PART_DEG)) == []
 
