@@ -12,6 +12,7 @@ from ...core.session.walk_test import judge_walk, walk_figures
 from ...core.simulate.studio.simulated_performer import SimulatedPerformer
 from ...core.system.files import exists
 from .. import take_library
+from ..animation.hand_keys import hand_turns
 from ..jobs import activity
 from ..jobs.job import Job
 from ..settings import readiness
@@ -21,6 +22,7 @@ from ..viewport import overlay, picture_overlay
 from . import capture_request, sound
 from .capture_recording import Cue, Recording
 from .capture_run import CaptureRun, Phase
+from .hand_cues import HandCues
 from .live_refinement import LiveRefinement
 from .scene_driver import SceneDriver
 from .tuning import TUNING
@@ -49,6 +51,7 @@ class LiveCapture:
         self._drawn: overlay.Scene | None = None
         self._refinement: LiveRefinement | None = None
         self._stop_asked = False
+        self._hands = HandCues()
         self._kept: str | None = None
 
     @property
@@ -166,6 +169,15 @@ class LiveCapture:
         if self._driver is not None:
             self._driver.reapply_pose()
 
+    def pose_hands(self, name: str, sides: str) -> None:
+        """Let the hands of the first character ("l", "r", "lr") hold a pose from now on; CharacterError if it cannot."""
+        driver = self._driver
+        if driver is None or self.run is None or not self.run.poses or driver.space is None:
+            return
+        turns = hand_turns(bpy.data.objects[driver.targets[0].armature], sides, name)
+        driver.hold(turns)
+        self._hands.add(self.run.poses[-1].time_s, turns)
+
     def tune(self, chosen: Any) -> None:
         """Use the smoothing and foot lock settings from now on."""
         if self.run is not None:
@@ -212,7 +224,8 @@ class LiveCapture:
         if not parts or driver is None or driver.space is None:
             return ""
         motion = TakeMotion(driver.targets, driver.props, all_poses)
-        _, actions = write_take(context, motion, parts, "Capture")
+        character, actions = write_take(context, motion, parts, "Capture")
+        self._hands.key(bpy.data.objects[character], parts)
         recorded = parts[0].poses[0].number, parts[-1].poses[-1].number
         span = None if recorded == (all_poses[0].number, all_poses[-1].number) else recorded
         with contextlib.suppress(PerfanimError):  # there may be no take, because of a full disk or a killed worker

@@ -1,12 +1,13 @@
 """Live motion of the characters and objects in a capture."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 
 import bpy
 from mathutils import Quaternion, Vector
 
 from ...core.body.scene_pose import PropPose, ScenePose
+from ...core.geometry.arrays import Array
 from ...core.markers.prop import Prop
 from ...core.markers.subject import Subject
 from ..blender_versions import detach_action
@@ -83,6 +84,10 @@ class SceneDriver:
         for driver in self._further:
             driver.apply_offset(poses, space)
 
+    def hold(self, turns: Mapping[str, Array]) -> None:
+        """Keep bones of the first character in rotations (4,) relative to rest."""
+        self._main.hold(turns)
+
     def reapply_pose(self) -> None:
         """Apply the last pose again after an animation has overwritten it."""
         for driver in (self._main, *self._further):
@@ -118,6 +123,10 @@ class _PerformerDriver:
         rotations, root_m = body.rotations, body.root_position_m
         if self._driver is not None:
             self._driver.apply(*(offset.apply(rotations, root_m) if offset else (rotations, root_m)))
+
+    def hold(self, turns: Mapping[str, Array]) -> None:
+        if self._driver is not None:
+            self._driver.hold(turns)
 
     def apply_offset(self, poses: Sequence[ScenePose], space: CaptureSpace) -> None:
         character = self.target.character()
