@@ -11,7 +11,7 @@ from ...core.retarget.hand_poses import HAND_POSES, finger_turns
 from ..blender_versions import assign, channels_of, first_slot, new_channels, new_curve, slot_of
 from ..character.armature_reading import read_armature_rest
 from ..character.retarget_plans import bones_of
-from .keyframes import HELD, bone_path, is_hand_pose
+from .keyframes import LEFT, REACHED, bone_path, is_hand_pose
 from .quaternion_curves import keep_in_quaternions
 
 BLEND_FRAMES = 5  # a hand closes in a fifth of a second, at the film rate of 24 frames per second
@@ -75,23 +75,26 @@ def _key_bone(channels: object, bone: bpy.types.PoseBone, turn: Array, frame: fl
     curves = [channels.fcurves.find(path, index=component) for component in range(4)]  # type: ignore[attr-defined]
     shown = zip(curves, bone.rotation_quaternion, strict=True)
     before = np.array([now if curve is None else curve.evaluate(begin) for curve, now in shown])
-    turn = -turn if before @ turn < 0.0 else turn
+    # fingers turn by less than half a turn, so equal signs of w are the shorter way between any two poses
+    before, turn = (each if each[0] >= 0.0 else -each for each in (before, turn))
     for component, value in enumerate(turn.tolist()):
         curve = curves[component] or new_curve(channels, path, component, bone.name)
         points = curve.keyframe_points
-        is_held = is_hand_pose(curve)
-        is_first = not is_held and (len(points) == 0 or points[0].co[0] > begin)
-        if not is_held:
+        is_first = not is_hand_pose(curve) and (len(points) == 0 or points[0].co[0] > begin)
+        if not is_hand_pose(curve):
             points.clear()
         for place in reversed(range(len(points))):
-            if begin < points[place].co[0] <= frame:
+            if begin <= points[place].co[0] <= frame:
                 points.remove(points[place])
+        following = next((key for key in points if key.co[0] > frame), None)
+        if following is not None and following.type == LEFT:
+            following.co[1] = value
         if not is_first:
-            _insert(curve, begin, float(before[component]))
-        _insert(curve, frame, value)
+            _insert(curve, begin, float(before[component]), LEFT)
+        _insert(curve, frame, value, REACHED)
         curve.update()
 
 
-def _insert(curve: bpy.types.FCurve, frame: float, value: float) -> None:
-    key = curve.keyframe_points.insert(frame, value, keyframe_type=HELD)
+def _insert(curve: bpy.types.FCurve, frame: float, value: float, kind: str) -> None:
+    key = curve.keyframe_points.insert(frame, value, keyframe_type=kind)
     key.handle_left_type = key.handle_right_type = "AUTO_CLAMPED"

@@ -11,7 +11,8 @@ from ...core.body.keyframe_reduction import location_keys, rotation_keys, slopes
 from ...core.geometry.arrays import Array, IntArray, Mask
 from ..blender_versions import new_channels, new_curve
 
-HELD = "EXTREME"  # type of the keys of hand poses, which no take has
+# types of the keys of hand poses, which no take has: where the pose is reached, and where it is left
+REACHED, LEFT = "EXTREME", "BREAKDOWN"
 _JITTER = 3  # Keyframe.type "JITTER" as foreach_set expects it
 _LINEAR = 1  # Keyframe.interpolation "LINEAR" as foreach_set expects it
 _ALIGNED = 3  # Keyframe.handle_left_type "ALIGNED"
@@ -136,7 +137,7 @@ def _fill_eased(curve: bpy.types.FCurve, frames: Array, values: Array, steep: Ar
 
 def is_hand_pose(curve: bpy.types.FCurve) -> bool:
     """Return whether a curve has the keys of hand poses."""
-    return len(curve.keyframe_points) > 0 and all(key.type == HELD for key in curve.keyframe_points)
+    return len(curve.keyframe_points) > 0 and all(key.type in (REACHED, LEFT) for key in curve.keyframe_points)
 
 
 def bone_path(bone_name: str, channel: str) -> str:

@@ -170,7 +170,7 @@ class LiveCapture:
             self._driver.reapply_pose()
 
     def pose_hands(self, name: str, sides: str) -> None:
-        """Let the hands of the first character ("l", "r", "lr") hold a pose from now on; CharacterError if it cannot."""
+        """Let the first character's hands ("l", "r", "lr") hold a pose from now on; CharacterError if it cannot."""
         driver = self._driver
         if driver is None or self.run is None or not self.run.poses or driver.space is None:
             return

@@ -25,15 +25,15 @@ def hands(bent_deg: float = 0.0, phalanges: int = 3, seed: int = 0) -> ArmatureR
 
     for side, out in (("Left", 1.0), ("Right", -1.0)):
         wrist = np.array([0.7 * out, 0.0, 1.4])
-        knuckle = wrist + [0.1 * out, 0.0, 0.0]
+        knuckle = wrist + np.array([0.1 * out, 0.0, 0.0])
         hand = add(f"{side}Hand", -1, wrist, knuckle)
         for row, finger in enumerate(FINGERS):
-            above, at = hand, knuckle + [0.0, -0.03 + 0.02 * row, 0.0]
+            above, at = hand, knuckle + np.array([0.0, -0.03 + 0.02 * row, 0.0])
             for number in range(1, phalanges + 1):
                 angle = np.radians(bent_deg) * number
                 end = at + LENGTH_M * np.array([out * np.cos(angle), 0.0, -np.sin(angle)])
                 above, at = add(f"{side}Hand{finger}{number}", above, at, end), end
-        above, at = hand, wrist + [0.03 * out, -0.03, 0.0]
+        above, at = hand, wrist + np.array([0.03 * out, -0.03, 0.0])
         for number in range(1, 4):
             end = at + LENGTH_M * np.array([0.7 * out, -0.7, 0.0])
             above, at = add(f"{side}HandThumb{number}", above, at, end), end
