@@ -223,7 +223,7 @@ class LiveCapture:
             driver.held.give_back()  # the recording's strip goes above these actions
         if not parts or driver is None or driver.space is None:
             return ""
-        motion = TakeMotion(driver.targets, driver.props, all_poses)
+        motion = TakeMotion(driver.targets, driver.props, all_poses, driver.copies)
         character, actions = write_take(context, motion, parts, "Capture")
         self._hands.key(bpy.data.objects[character], parts)
         recorded = parts[0].poses[0].number, parts[-1].poses[-1].number
