@@ -25,6 +25,7 @@ from ..preferences import preferences
 from ..preferences.paths import absolute
 from ..settings import readiness, target_settings, vmc_settings
 from ..settings.target_settings import SIMULATED_HEIGHT_M
+from ..viewport import performer_screen
 from .capture_run import CaptureRun
 
 _TEMPORARY = "perfanim-"
@@ -67,7 +68,7 @@ def make(settings: Any) -> Setup:
         cameras=replace(
             wanted,
             source=_with_targets(wanted.source, settings, len(performers) - 1),
-            preview=settings.capture_preview,
+            preview=settings.capture_preview or performer_screen.window() is not None,
             background_file=_background_file(),
         ),
         performers=performers,

@@ -8,6 +8,7 @@ import bpy
 from ...core.body.scene_pose import ScenePose
 from ...core.errors import PerfanimError
 from ...core.session.delayed_poses import calm_poses
+from ...core.session.gestures import GESTURES, GestureWatch
 from ...core.session.walk_test import judge_walk, walk_figures
 from ...core.simulate.studio.simulated_performer import SimulatedPerformer
 from ...core.system.files import exists
@@ -16,7 +17,7 @@ from ..animation.hand_keys import hand_turns
 from ..jobs import activity
 from ..jobs.job import Job
 from ..settings import readiness
-from ..settings.capture_settings import settings
+from ..settings.capture_settings import chosen_gesture, settings
 from ..settings.result_settings import start_frame
 from ..viewport import overlay, picture_overlay
 from . import capture_request, sound
@@ -52,6 +53,7 @@ class LiveCapture:
         self._refinement: LiveRefinement | None = None
         self._stop_asked = False
         self._hands = HandCues()
+        self._gestures: GestureWatch | None = None
         self._kept: str | None = None
 
     @property
@@ -81,6 +83,21 @@ class LiveCapture:
             going.end(self.run.poses)
             self._tell(Cue.END)
 
+    def signal(self, chosen: Any, cut_s: float = 0.0) -> None:
+        """Start or stop by a key or a gesture: a recording with Record by Button, otherwise the capture ends.
+
+        Args:
+            cut_s: Time before now that is left out at the end of the recording: the performer's gesture.
+        """
+        if self.run is None or (self.by_button and self.recording is None):
+            self.record(chosen)
+            return
+        if self.recording is not None:
+            self.recording.end(self.run.poses, cut_s)
+            self._tell(Cue.END)
+        if not self.by_button:
+            self.stop()
+
     @property
     def done(self) -> bool:
         """Whether the run has ended."""
@@ -99,6 +116,8 @@ class LiveCapture:
         if pose is None or self._driver is None:
             return False
         self._apply(context, self._driver, self.run)
+        if self._gestures is not None and not self._stop_asked and self._gestures.step(pose.performers[0]):
+            self.signal(settings(context), GESTURES.lasts_s)
         self._draw(context, self._driver, pose)
         self.run.shown()
         if self._refinement is not None and self._refinement.tick(pose.time_s - self.run.poses[0].time_s):
@@ -148,6 +167,8 @@ class LiveCapture:
         if not self.by_button:
             self.record(chosen)
         self._sounds = chosen.record_sound
+        if (gesture := chosen_gesture(chosen)) is not None:
+            self._gestures = GestureWatch(setup.performers[0].skeleton, gesture)
         self.setup, self.take_path = setup, setup.request.take
         self.run = setup.start(self._python)
         if not readiness.is_known(chosen):  # a simulated performer's body needs no refinement
