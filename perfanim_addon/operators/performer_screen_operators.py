@@ -7,7 +7,7 @@ from ..capture.performer_view import performer_view
 from ..capture.tuning import TUNING
 from ..settings.capture_settings import chosen_gesture, settings
 from ..viewport import performer_screen
-from .operator_bases import CheckedOperator, RunningOperator
+from .operator_bases import CheckedOperator, RunningOperator, need
 
 
 def _refresh() -> float | None:
@@ -24,6 +24,7 @@ class PERFANIM_OT_performer_screen(RunningOperator, bpy.types.Operator):
     the countdown, the time recorded, and markers that are lost"""
 
     bl_label = "Performer's Screen"
+    missing_input = need(lambda _context: not bpy.app.background, "Needs a window")
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         if performer_screen.window() is not None:

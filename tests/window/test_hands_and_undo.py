@@ -41,9 +41,7 @@ def undone(desktop: Desktop, window: BlenderWindow, hand: Hand, before: Any) -> 
 def test_edits_are_made_by_mouse_and_undone_by_ctrl_z(desktop: Desktop, window: BlenderWindow, hand: Hand) -> None:
     first = shown(window)
     keys = window.state()["actions"]["Capture"]["keys_max"]
-    for panel in ("Capture", "Recording"):
-        if panel == "Capture":
-            hand.toggle(panel)
+    hand.toggle("Capture")
     hand.toggle("Clean Up Motion")
     hand.shot("clean-up")
     hand.click("Mirror", sidebar=True)
@@ -52,6 +50,15 @@ def test_edits_are_made_by_mouse_and_undone_by_ctrl_z(desktop: Desktop, window: 
     assert shown(window) != first
     undone(desktop, window, hand, first)
     hand.toggle("Clean Up Motion")
+    hand.toggle("Takes")
+    hand.click("Put on Character", sidebar=True)
+    window.wait(lambda s: len(s["actions"]) == 2, "the action of the take")
+    hand.shot("put-on-character")
+    hand.away()
+    desktop.key("ctrl+z")
+    window.wait(lambda s: list(s["actions"]) == ["Capture"], "undo of the insertion")
+    assert shown(window) == first
+    hand.toggle("Takes")
     hand.toggle("Character")
     hand.shot("character")
     hand.toggle("Hands")
