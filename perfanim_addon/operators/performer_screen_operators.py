@@ -53,11 +53,17 @@ class PERFANIM_OT_start_or_stop(CheckedOperator, bpy.types.Operator):
         return set(bpy.ops.perfanim.start_capture("INVOKE_DEFAULT"))
 
 
+@bpy.app.handlers.persistent
+def _forget_window(*_: object) -> None:
+    performer_screen.forget()
+
+
 _keys: list[tuple[bpy.types.KeyMap, bpy.types.KeyMapItem]] = []
 
 
 def register() -> None:
-    """Add the key; it can be changed in Blender's preferences."""
+    """Add the key, which can be changed in Blender's preferences, and forget the window with its file."""
+    bpy.app.handlers.load_pre.append(_forget_window)
     configuration = bpy.context.window_manager.keyconfigs.addon
     if configuration is None:  # Blender runs without a window
         return
@@ -67,7 +73,8 @@ def register() -> None:
 
 
 def unregister() -> None:
-    """Remove the key, the timer and the window."""
+    """Remove the key, the timer, the handler and the window."""
+    bpy.app.handlers.load_pre.remove(_forget_window)
     while _keys:
         keymap, key = _keys.pop()
         keymap.keymap_items.remove(key)

@@ -88,6 +88,11 @@ def close() -> None:
     if opened is not None:
         with bpy.context.temp_override(window=opened):
             bpy.ops.wm.window_close()
+    forget()
+
+
+def forget() -> None:
+    """Forget the window, because another file may have a screen of the same name."""
     _state.screen = ""
     handler.remove()
 
