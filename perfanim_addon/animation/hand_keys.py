@@ -1,6 +1,7 @@
 """Keys of finger bones: from a frame on, a hand holds a pose."""
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import bpy
 import numpy as np
@@ -70,9 +71,9 @@ def key_hands(armature_object: bpy.types.Object, turns: Mapping[str, Array], fra
     return str(action.name)
 
 
-def _key_bone(channels: object, bone: bpy.types.PoseBone, turn: Array, frame: float, blend_frames: float) -> None:
+def _key_bone(channels: Any, bone: bpy.types.PoseBone, turn: Array, frame: float, blend_frames: float) -> None:
     path, begin = bone_path(bone.name, "rotation_quaternion"), frame - blend_frames
-    curves = [channels.fcurves.find(path, index=component) for component in range(4)]  # type: ignore[attr-defined]
+    curves = [channels.fcurves.find(path, index=component) for component in range(4)]
     shown = zip(curves, bone.rotation_quaternion, strict=True)
     before = np.array([now if curve is None else curve.evaluate(begin) for curve, now in shown])
     # fingers turn by less than half a turn, so equal signs of w are the shorter way between any two poses

@@ -89,11 +89,12 @@ class LiveCapture:
         Args:
             cut_s: Time before now that is left out at the end of the recording: the performer's gesture.
         """
-        if self.run is None or (self.by_button and self.recording is None):
+        going = self.recording
+        if self.run is not None and self.by_button and going is None:
             self.record(chosen)
             return
-        if self.recording is not None:
-            self.recording.end(self.run.poses, cut_s)
+        if self.run is not None and going is not None:
+            going.end(self.run.poses, cut_s)
             self._tell(Cue.END)
         if not self.by_button:
             self.stop()
