@@ -23,12 +23,13 @@ class GestureSettings:
     """Limits for signals, chosen so that walking, boxing and sword play do not give them."""
 
     above_m: float = 0.15  # height of the raised hand's joint above the head's
-    raised_s: float = 0.6  # time for which it must be raised
+    other_m: float = -0.35  # largest height of the other hand: acting often raises both
+    raised_s: float = 1.0  # time for which one hand must be raised
     together_m: float = 0.16  # distance between the hands' joints in a clap
     apart_m: float = 0.3  # distance to which they must part before the next clap
     even: float = 0.6  # least way of one hand from the clap, relative to the other's: a punch leaves one hand behind
     claps_s: float = 0.8  # longest time between two claps
-    lasts_s: float = 1.5  # time from the beginning of a gesture to its recognition, cut from the end of a recording
+    lasts_s: float = 2.0  # time from the beginning of a gesture to its recognition, cut from the end of a recording
 
 
 GESTURES = GestureSettings()
@@ -58,10 +59,10 @@ class GestureWatch:
         return self._recognise(pose.time_s, places_m[self._joints])
 
     def _is_raised(self, time_s: float, places_m: Array) -> bool:
-        above_m = float(places_m[1:, 1].max() - places_m[0, 1])
-        if above_m < GESTURES.above_m:
+        lower_m, upper_m = np.sort(places_m[1:, 1] - places_m[0, 1])
+        if upper_m < GESTURES.above_m or lower_m > GESTURES.other_m:
             self._since_s = None
-            self._is_armed = self._is_armed or above_m < 0.0
+            self._is_armed = self._is_armed or bool(upper_m < 0.0)
             return False
         self._since_s = time_s if self._since_s is None else self._since_s
         if not self._is_armed or time_s - self._since_s < GESTURES.raised_s:

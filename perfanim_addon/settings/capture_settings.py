@@ -55,7 +55,7 @@ BODY_PARTS = (
 
 _SIGNALS = (
     ("NONE", "Button or Key", "Buttons, or Ctrl Shift R"),
-    (Gesture.RAISED_HAND.name, "Raised Hand", "Also a hand raised above the head for a moment"),
+    (Gesture.RAISED_HAND.name, "Raised Hand", "Also one hand raised above the head for a second, the other hanging"),
     (Gesture.CLAPS.name, "Two Claps", "Also two claps within a second"),
 )
 OVERLAYS = (

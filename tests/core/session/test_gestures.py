@@ -33,11 +33,13 @@ def arms(left_deg: float, forward_deg: float = 0.0) -> np.ndarray:
     return result
 
 
-def raised(times: int, held_s: float) -> Iterator[np.ndarray]:
+def raised(times: int, held_s: float, right_rad: float = 1.3) -> Iterator[np.ndarray]:
     for _ in range(times):
         for count, angle in ((30, -60.0), (round(held_s * FPS), 85.0), (30, -60.0)):
             for _ in range(count):
-                yield arms(angle)
+                pose = arms(angle)
+                pose[SKELETON.index("rhumerus")] = rot.from_rotation_vector(np.array([0.0, 0.0, right_rad]))
+                yield pose
 
 
 def clapping(times: int, pause_s: float) -> Iterator[np.ndarray]:
@@ -52,8 +54,9 @@ def test_a_hand_that_stays_raised_is_one_signal() -> None:
     found = signals(watch, raised(2, 2.0))
     seen_after = 30 + round(GESTURES.raised_s * FPS)
     assert found == pytest.approx([seen_after, 180 + seen_after], abs=1)
-    assert signals(GestureWatch(SKELETON, Gesture.RAISED_HAND), raised(3, 0.4)) == []
+    assert signals(GestureWatch(SKELETON, Gesture.RAISED_HAND), raised(3, 0.8)) == []
     assert signals(GestureWatch(SKELETON, Gesture.RAISED_HAND), raised(1, 2.0), confidence=0.1) == []
+    assert signals(GestureWatch(SKELETON, Gesture.RAISED_HAND), raised(1, 2.0, right_rad=-1.3)) == []  # both hands
 
 
 def test_two_claps_are_a_signal_and_one_is_not() -> None:
