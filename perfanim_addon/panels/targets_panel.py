@@ -55,7 +55,7 @@ class PERFANIM_PT_targets(SidebarPanel, bpy.types.Panel):
 
 
 def _draw_fields(layout: bpy.types.UILayout, entry: target_settings.PERFANIM_PG_target, index: int) -> None:
-    layout.row().prop(entry, "kind", expand=True)
+    layout.prop(entry, "kind")
     if entry.kind == "PROP":
         draw_props(layout, entry, "definition", "object")
         layout.operator("perfanim.measure_target", icon="DRIVER_DISTANCE")

@@ -80,7 +80,7 @@ def subject_of(entry: PERFANIM_PG_target) -> Subject:
 def title(entry: PERFANIM_PG_target) -> str:
     """Return the title of a target in the list."""
     if entry.kind == "CHARACTER":
-        return "First performer"
+        return "Character"
     if entry.kind == "PERFORMER":
         subject = readiness.found(subject_of, entry)
         return subject.name if subject is not None else Path(entry.subject).stem or "Performer"
