@@ -6,7 +6,7 @@ from pathlib import Path
 from desktop import BlenderWindow, Desktop
 from pointing import Hand
 
-FRAMES = 90
+FRAMES = 30
 LARGE_PX = 80  # least height of the headline on a screen of 800 pixels
 
 
