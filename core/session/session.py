@@ -7,7 +7,9 @@ from typing import NamedTuple
 import numpy as np
 
 from ..body.body_parts import FOOT_JOINTS
+from ..body.body_size import girth_scale
 from ..body.calibration_poses import t_pose
+from ..body.foot_lock import floor_of
 from ..body.pose_notes import NoteKind, PoseNote, source_notes
 from ..body.pose_slew_limit import PoseSlewLimit
 from ..body.scene_pose import PerformerPose, body_confidence
@@ -67,7 +69,9 @@ class Session:
         self._model = SubjectModel(subject, database.reference_pose_of(subject.skeleton, subject.name))
         self.solver = PoseSolver(self._model, database, self.settings)
         examples = BodyExamples(self._model, database)
-        self.labeller = FrameLabeller(self._model, cameras, examples)
+        # the floor shows how large the performer is; without it, a single camera's person has the average size
+        size = 1.0 if floor_of(rig) is not None else girth_scale(subject.skeleton)
+        self.labeller = FrameLabeller(self._model, cameras, examples, size)
         poses_m = examples.start_poses_m, examples.markers_m
         self._hypotheses = HypothesisTracker(cameras[0], self.solver, *poses_m) if self._has_one_camera else None
         self._source = noise_of(subject.marker_set.points)
@@ -161,9 +165,9 @@ class Session:
         observation = self.labeller.label(frame, self._state.markers_m, self._elapsed_s(frame.time_s))
         if self.labeller.labellings != labellings:
             self._decisions.append(NoteKind.LABELLED)
-        carried = self._carried(frame.time_s) if doubts else None
+        carried = self._carried(frame.time_s) if doubts and not observation.guessed.any() else None
         found = self._smoother.step(frame.time_s, observation.points_m, carried)
-        smoothed = observation.smoothed(found.points_m, found.deviations_m)
+        smoothed = observation.smoothed(found.points_m, found.deviations_m, self._source)
         observation = replace(observation, points_m=found.believed.points_m)
         # at most one expensive search per frame
         solution, self._state = self.solver.step(self._state, smoothed, frame.time_s, self.labeller.searched)
@@ -247,7 +251,9 @@ class Session:
     def _solved_pose(self, frame: MarkerFrame, tracked: _Tracked, solution: Solution) -> PerformerPose:
         observation = tracked.observation
         # with one camera, markers are compared with the rays
-        shown = observation.back_projected(solution.markers_m) if self._has_one_camera else observation
+        shown = observation
+        if self._has_one_camera:
+            shown = observation.without_guesses().back_projected(solution.markers_m)
         fit = assess_fit(shown, solution, self._quality.settings)
         self._agreement = fit.agreement
         texts = np.array(self.subject.marker_set.texts)
