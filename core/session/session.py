@@ -37,6 +37,7 @@ _WORN_S = 0.2  # time constant for averaging a marker's offset from the solved b
 # tilt from the examples at which the confidence has fallen to 1/e; people are within 36 degrees in 95 % of the frames,
 # lying bodies at 78 or more
 _TILTED_DEG = 60.0
+_GUESSED = 0.5  # factor of the confidence where depths are guessed: what a marker on a ray counts, see `assess_fit`
 _AGREES = 0.3  # least agreement (see `Fit`) of a pose by which exchanged labels are corrected
 _WORSE_M = 0.004  # largest increase of the RMS distance from the body with alternative labels
 
@@ -273,6 +274,8 @@ class Session:
         points_m = shown.points_m if self._has_one_camera else tracked.known_m
         rotations = self._slew_limit.step(frame.time_s, rotations, root_m, points_m, held, known)
         confidence = self._confidence(fit, solution, errors_deg)
+        if observation.guessed.any():
+            confidence *= _GUESSED
         if not (self._has_one_camera or known):
             confidence *= self.labeller.confidence(frame, observation.seen)
         pose = PerformerPose(
