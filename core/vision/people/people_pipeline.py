@@ -30,6 +30,7 @@ class LocateSettings:
     contradiction: float = 6.0  # reprojection error, in standard deviations, above which two rays do not meet
     reweighted: int = 8  # number of times that the rays of three or more cameras are weighted by how well they meet
     depth_m: float = 0.15  # standard deviation of depths that a single camera shows
+    nearest_m: float = 0.1  # depth up to which the network has guessed wrongly
     agreeing: float = 0.5  # share of the points of several cameras that must meet, or the cameras show different things
 
 
@@ -188,8 +189,10 @@ class PersonLocator:
 
     def _placed(self, seen: MarkerFrame, depth: PersonDepth) -> MarkerFrame:
         """Return a single camera's frame with its points in space as well."""
-        labels, rows = seen.single_labels, seen.single_blobs
-        points_m = depth.place(seen.time_s, labels, seen.single_points, seen.blobs[0][rows, 4].astype(np.float64))
+        depths_m = seen.blobs[0][seen.single_blobs, 4].astype(np.float64)
+        ahead = depths_m > _S.nearest_m
+        labels, rows = seen.single_labels[ahead], seen.single_blobs[ahead]
+        points_m = depth.place(seen.time_s, labels, seen.single_points[ahead], depths_m[ahead])
         covariances_m2 = np.broadcast_to(_S.depth_m**2 * np.eye(3), (len(labels), 3, 3))
         return replace(seen, points_m=points_m, covariances_m2=covariances_m2, labels=labels, point_blobs=rows[:, None])
 
