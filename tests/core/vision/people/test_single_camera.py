@@ -73,7 +73,7 @@ def test_on_a_known_floor_the_feet_show_the_size(walk):
 
 @pytest.mark.long
 @pytest.mark.parametrize("floor", [False, True])
-def test_the_motion_of_one_camera_is_told_with_less_confidence(database, floor):
+def test_one_camera_gives_the_motion_and_half_the_confidence_at_most(database, floor):
     tall = sliced(performance("walking", 6.0, FPS, default_skeleton(1.85)), 60, 150)
     anna = Subject("Anna", default_skeleton(1.85), POINTS)
     alone = single(floor)
@@ -100,4 +100,4 @@ def test_the_motion_of_one_camera_is_told_with_less_confidence(database, floor):
     )  # fmt: skip
     assert measures["mpjpe_mm"] < 70.0
     assert np.median(across_m) < 0.025 < np.median(np.abs(along_m)) < 0.1
-    assert confidence[1] < confidence[2]
+    assert max(pose.confidence for pose in solved[1].poses_of()) <= 0.5
