@@ -15,7 +15,7 @@ from ..markers.label_matching import AUTO
 from ..markers.marker_set import MarkerSet
 from ..markers.marker_take import MarkerTake
 from ..markers.subject import Subject
-from ..markers.take_frames import is_unnamed
+from ..markers.take_frames import is_of_one_camera, is_unnamed
 from ..subjects import pose_calibration
 from ..subjects.from_motion import fitted_body, subject_from_motion
 from ..subjects.pose_calibration import SubjectCalibration, calibrate_markers, calibration_points, pose_points
@@ -113,7 +113,8 @@ def fit_subject(
         database: Motion database that contains similar motion.
         marker_set: Marker set that was worn, see `load_take`; its usual offsets guide the fit. With "auto", markers
             unknown to the set are placed from the motion.
-        height_m: Rough body height, 1 to 2.5 m; None to estimate it from the distances between markers.
+        height_m: Rough body height, 1 to 2.5 m; None to estimate it from the distances between markers. A performer
+            whom a single camera saw gets average proportions at this height.
         name: Name of the performer.
         progress: Called with the fraction done and the activity.
 
@@ -125,6 +126,8 @@ def fit_subject(
     take = import_take(take, worn, "auto")
     start = Subject(name, default_skeleton(height_m or likely_height_m(take, worn)), worn)
     if not is_unnamed(take):
+        if is_of_one_camera(take):  # guessed depths do not show the proportions
+            return start
         take, _ = correct_labels(take, start)
     if marker_set == AUTO and not set(take.names) <= set(worn.names):
         with contextlib.suppress(SubjectError):  # otherwise unknown markers would adapt to a body of the wrong size

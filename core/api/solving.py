@@ -86,6 +86,10 @@ class SolveRequest:
     place_markers: Annotated[
         bool, About("from a marker take's motion, find the offsets of markers unknown to the performer's set")
     ] = False
+    height_m: Annotated[
+        float | None,
+        About("height of a performer who is fitted to the motion (default: estimated)", "m", 1.0, 2.5),
+    ] = None
     marker_count: Annotated[
         int | None, About("number of markers to solve with, chosen to determine the body best (default: all)")
     ] = None
@@ -143,7 +147,9 @@ def solve_unmeasured(
     """Solve a y-up take of a performer who is fitted to its motion first; see `fit_subject` and `solve`."""
     cache = cache or SessionCache()
     opened = _opened(database, cache)
-    subject = fit_subject(take, opened, marker_set, progress=lambda share, text: progress(0.5 * share, text))
+    subject = fit_subject(
+        take, opened, marker_set, request.height_m, progress=lambda share, text: progress(0.5 * share, text)
+    )
     solved = solve_markers(take, subject, opened, request, progress, cache)
     moved_m = moved_markers(subject, choose_worn(marker_set, take))
     text = contradicted_places(moved_m)

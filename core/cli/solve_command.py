@@ -50,6 +50,7 @@ def add_parser(subparsers: Any) -> None:
         trust_labels="--trust-labels",
         smooth_hz="--smooth HZ",
         feet="--feet",
+        height_m="--height M",
     )
     _add_marker_options(parser)
     _add_recorded_options(parser)

@@ -103,7 +103,7 @@ def _columns(take: MarkerTake, marker_set: MarkerSet) -> list[int]:
 def _stance_points(take: MarkerTake, marker_set: MarkerSet, skeleton: Skeleton, upright: Array) -> Array:
     """Return points (N, 3) of the floor in the level frame, below the markers of planted feet."""
     columns, radius = _columns(take, marker_set), round(take.fps)
-    heights, times_s = _usual_heights(marker_set, skeleton), frame_times(take)
+    heights, times_s = usual_heights(marker_set, skeleton), frame_times(take)
     found = []
     for marker, item in enumerate(marker_set.markers):
         if item.joint not in FOOT_JOINTS:
@@ -122,7 +122,7 @@ def _stance_points(take: MarkerTake, marker_set: MarkerSet, skeleton: Skeleton, 
     return np.concatenate(found)
 
 
-def _usual_heights(marker_set: MarkerSet, skeleton: Skeleton) -> Array:
+def usual_heights(marker_set: MarkerSet, skeleton: Skeleton) -> Array:
     """Return the heights (M,) of the markers above the floor on a standing person."""
     positions, _ = forward_kinematics(skeleton, standing(skeleton), np.zeros(3))
     markers = marker_set.positions_on(skeleton, standing(skeleton))

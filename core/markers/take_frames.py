@@ -17,7 +17,7 @@ SIGMA_M = 0.001  # standard deviation of positions for which none is stated
 def take_frames(take: MarkerTake, marker_set: MarkerSet) -> Iterator[MarkerFrame]:
     """Yield the frames of a take, labelled by marker name; other markers are left out.
 
-    Markers that only one camera showed are rays. A take of one camera contains only rays, without labels.
+    Markers that only one camera showed are rays. Those of a take of one camera are unlabelled, or have guessed depths.
 
     Raises:
         TakeError: The take has fewer than three of the set's torso markers.
@@ -50,7 +50,12 @@ def check_torso(take: MarkerTake, marker_set: MarkerSet) -> None:
 
 
 def is_unnamed(take: MarkerTake) -> bool:
-    """Return whether a take is from a single camera, so that its trajectories are not labelled yet."""
+    """Return whether a take has only rays of a single camera, so that its trajectories are not labelled yet."""
+    return is_of_one_camera(take) and not take.visible.any()
+
+
+def is_of_one_camera(take: MarkerTake) -> bool:
+    """Return whether a single camera saw a take, so that depths are unknown or guessed."""
     return take.single is not None and len(take.single.rig) == 1
 
 

@@ -66,12 +66,17 @@ def rest_markers(model: SubjectModel, rotations: Array) -> Array:
 class FrameLabeller:
     """Labels successive marker frames of one body.
 
+    Args:
+        size: Factor of the distances from a single camera at which its source has placed labelled points.
+
     Attributes:
         searched: The last frame needed a full label search.
     """
 
-    def __init__(self, model: SubjectModel, cameras: tuple[Camera, ...], examples: BodyExamples) -> None:
-        self._torso, self._cameras = model.torso, cameras
+    def __init__(
+        self, model: SubjectModel, cameras: tuple[Camera, ...], examples: BodyExamples, size: float = 1.0
+    ) -> None:
+        self._torso, self._cameras, self._size = model.torso, cameras, size
         self._initial = InitialLabeller(examples.markers_m[::_EVERY], examples.ups[::_EVERY], model.torso)
         self.labellings = 0
         self.reset()
@@ -199,7 +204,10 @@ class FrameLabeller:
         usable = (frame.single_labels >= 0) & (len(self._cameras) > 0)
         cameras[frame.single_labels[usable]] = frame.single_cameras[usable]
         image_points[frame.single_labels[usable]] = frame.single_points[usable]
-        cameras[np.isfinite(points[:, 0])] = -1
+        if len(self._cameras) == 1:
+            points = self._cameras[0].centre_m + self._size * (points - self._cameras[0].centre_m)
+        else:
+            cameras[np.isfinite(points[:, 0])] = -1
         return Observation(points, cameras, image_points, self._cameras)
 
     def _by_marker(self, points_m: Array, labels: IntArray) -> Array:

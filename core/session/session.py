@@ -7,7 +7,9 @@ from typing import NamedTuple
 import numpy as np
 
 from ..body.body_parts import FOOT_JOINTS
+from ..body.body_size import girth_scale
 from ..body.calibration_poses import t_pose
+from ..body.foot_lock import floor_of
 from ..body.pose_notes import NoteKind, PoseNote, source_notes
 from ..body.pose_slew_limit import PoseSlewLimit
 from ..body.scene_pose import PerformerPose, body_confidence
@@ -37,6 +39,7 @@ _WORN_S = 0.2  # time constant for averaging a marker's offset from the solved b
 # tilt from the examples at which the confidence has fallen to 1/e; people are within 36 degrees in 95 % of the frames,
 # lying bodies at 78 or more
 _TILTED_DEG = 60.0
+_GUESSED = 0.5  # factor of the confidence where depths are guessed: what a marker on a ray counts, see `assess_fit`
 _OPEN_S = 0.5  # time without any known marker after which a limb is doubtful; before it, the motion goes on as expected
 _WORSE_M = 0.004  # largest increase of the RMS distance from the body with alternative labels
 
@@ -70,7 +73,9 @@ class Session:
         self._model = SubjectModel(subject, database.reference_pose_of(subject.skeleton, subject.name))
         self.solver = PoseSolver(self._model, database, self.settings)
         examples = BodyExamples(self._model, database)
-        self.labeller = FrameLabeller(self._model, cameras, examples)
+        # the floor shows how large the performer is; without it, a single camera's person has the average size
+        size = 1.0 if floor_of(rig) is not None else girth_scale(subject.skeleton)
+        self.labeller = FrameLabeller(self._model, cameras, examples, size)
         poses_m = examples.start_poses_m, examples.markers_m
         self._hypotheses = HypothesisTracker(cameras[0], self.solver, *poses_m) if self._has_one_camera else None
         self._source = noise_of(subject.marker_set.points)
@@ -166,13 +171,14 @@ class Session:
         observation = self.labeller.label(frame, self._state.markers_m, self._elapsed_s(frame.time_s))
         if self.labeller.labellings != labellings:
             self._decisions.append(NoteKind.LABELLED)
-        carried = self._carried(frame.time_s) if doubts else None
+        is_measured = doubts and not observation.guessed.any()
+        carried = self._carried(frame.time_s) if is_measured else None
         points_m, frozen = observation.points_m, np.zeros(len(self._feet), dtype=bool)
-        if doubts:
+        if is_measured:
             frozen = self._frozen.step(points_m, self._elapsed_s(frame.time_s))
             points_m = np.where(frozen[:, None], np.nan, points_m)
         found = self._smoother.step(frame.time_s, points_m, carried)
-        smoothed = observation.smoothed(found.points_m, found.deviations_m)
+        smoothed = observation.smoothed(found.points_m, found.deviations_m, self._source)
         observation = replace(observation, points_m=found.believed.points_m)
         # at most one expensive search per frame
         solution, self._state = self.solver.step(self._state, smoothed, frame.time_s, self.labeller.searched)
@@ -263,7 +269,9 @@ class Session:
     def _solved_pose(self, frame: MarkerFrame, tracked: _Tracked, solution: Solution) -> PerformerPose:
         observation = tracked.observation
         # with one camera, markers are compared with the rays
-        shown = observation.back_projected(solution.markers_m) if self._has_one_camera else observation
+        shown = observation
+        if self._has_one_camera:
+            shown = observation.without_guesses().back_projected(solution.markers_m)
         fit = assess_fit(shown, solution, self._quality.settings)
         self._agreement = fit.agreement
         texts = np.array(self.subject.marker_set.texts)
@@ -284,6 +292,8 @@ class Session:
         points_m = shown.points_m if self._has_one_camera else tracked.known_m
         rotations = self._slew_limit.step(frame.time_s, rotations, root_m, points_m, held, known)
         confidence = self._confidence(fit, solution, errors_deg)
+        if observation.guessed.any():
+            confidence *= _GUESSED
         if not (self._has_one_camera or known):
             confidence *= self.labeller.confidence(frame, observation.seen)
         pose = PerformerPose(

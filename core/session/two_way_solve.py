@@ -231,7 +231,10 @@ def _smoothed(
     points_m, noise_m = smooth_markers(
         times_s, np.array([observation.points_m for observation in observations]), source
     )
-    return [each.smoothed(*markers) for each, *markers in zip(observations, points_m, noise_m, strict=True)]
+    return [
+        observation.smoothed(points, noise, source)
+        for observation, points, noise in zip(observations, points_m, noise_m, strict=True)
+    ]
 
 
 def _stretches(poses: Sequence[PerformerPose]) -> list[tuple[int, int]]:

@@ -194,6 +194,8 @@ class PoseSolver:
         waits = state.time_s - state.reinitialise_failed_s < _RETRY_S
         if state.root is None or state.markers_m is None or waits or not self._method.fits_markers:
             return None  # methods that do not fit markers are always as far from the markers as the example
+        if observation.guessed.any():
+            observation = self._in_space(state, observation)
         seen = observation.located
         before_m = state.root.to_root_frame(state.markers_m[seen])
         jump_m = _rms(solution.root.to_root_frame(observation.points_m[seen]) - before_m)

@@ -198,11 +198,8 @@ def cameras(settings: Any) -> StepStatus:
         return source
     if not settings.calibration:
         return _not_calibrated("calibrate the cameras, or open a calibration, under Cameras")
-    if follows_person(settings):
-        if is_one_camera(settings):
-            return faulty("needs two cameras", "a person without markers needs two cameras: choose a second one")
-        if not (found_network := network(settings)).ready:
-            return found_network
+    if follows_person(settings) and not (found_network := network(settings)).ready:
+        return found_network
     try:
         calibrated = rig(absolute(settings.calibration))
     except PerfanimError as error:

@@ -1,7 +1,7 @@
 """A performer's keypoints as a body network would find them in the pictures of cameras."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import cv2
@@ -17,6 +17,7 @@ from perfanim.core.vision.sources.image_set import ImageSet
 
 POINTS = load_marker_set("blazepose-33")
 OTHERS = other_sides(POINTS.markers)
+NOWHERE = np.zeros((len(POINTS), 3))
 
 
 @dataclass
@@ -27,19 +28,22 @@ class FakeNetwork:
     """
 
     pixels: dict[int, Array]  # (K, 2) by the number of the picture
+    points_m: dict[int, Array] = field(default_factory=dict)  # (K, 3) in the camera's axes
     marker_set: str = POINTS.name
     calls: int = 0
 
     def find(self, image: Image, crop: Crop) -> FoundPerson:
         self.calls += 1
-        pixels = self.pixels.get(int.from_bytes(image[0, 0].tobytes(), "little"))
+        number = int.from_bytes(image[0, 0].tobytes(), "little")
+        pixels = self.pixels.get(number)
         if pixels is None:
-            return FoundPerson(np.zeros((len(POINTS), 2)), np.ones(len(POINTS)), 0.0, crop)
+            return FoundPerson(np.zeros((len(POINTS), 2)), NOWHERE, np.ones(len(POINTS)), 0.0, crop)
         low, high = pixels.min(axis=0), pixels.max(axis=0)
         x, y = 0.5 * (low + high)
         side = 1.3 * float((high - low).max())
         shows = max(abs(crop.x_px - x), abs(crop.y_px - y)) < 0.3 * side and 0.5 < crop.side_px / side < 3.0
-        return FoundPerson(pixels, np.ones(len(POINTS)), 0.9 if shows else 0.1, Crop(x, y, side))
+        points_m = self.points_m.get(number, NOWHERE)
+        return FoundPerson(pixels, points_m, np.ones(len(POINTS)), 0.9 if shows else 0.1, Crop(x, y, side))
 
 
 def picture(number: int, width: int = 640, height: int = 480) -> Image:
@@ -70,7 +74,7 @@ def networks(rig: CameraRig, points_m: Array, noise_px: float = 0.0, seed: int =
         FakeNetwork({
             10 * n + c: camera.project(row) + random.normal(0.0, noise_px, (len(row), 2)) if noise_px
             else camera.project(row) for n, row in enumerate(points_m)
-        })
+        }, {10 * n + c: camera.to_camera(row) for n, row in enumerate(points_m)})
         for c, camera in enumerate(rig.cameras)
     ]  # fmt: skip
 
@@ -86,4 +90,8 @@ def write_film(path: Path, numbers: Sequence[int], fps: float = 30.0, size: tupl
 
 def one_network(rig: CameraRig, points_m: Array) -> FakeNetwork:
     """Return a network that finds the points (F, K, 3) in the pictures of all cameras (see `moments`)."""
-    return FakeNetwork({number: row for each in networks(rig, points_m) for number, row in each.pixels.items()})
+    found = networks(rig, points_m)
+    pixels, in_cameras_m = (
+        {number: row for each in found for number, row in getattr(each, name).items()} for name in ("pixels", "points_m")
+    )
+    return FakeNetwork(pixels, in_cameras_m)

@@ -10,6 +10,7 @@ import numpy as np
 from ...geometry.arrays import Array, Image
 from .network_file import read_network
 
+_SPATIAL = 3  # values of each point of the output in space: x, y, z
 _INPUT_PX = 256  # side of the network's input
 _POINTS, _VALUES = 39, 5  # points of the output, the body's 33 first, and x, y, z, visibility, presence of each
 _BODY_POINTS, _CENTRE, _TOP = 33, 33, 34  # number of points of the body; points that give the next crop
@@ -31,12 +32,15 @@ class FoundPerson:
 
     Args:
         pixels: Points (K, 2) of the person in the picture, pixels.
+        points_m: Points (K, 3) about the hips, x to the right, y down and z away from the camera, of a body of the size
+            that the network assumes, metres. The depths are rough.
         visibilities: Probabilities (K,) that the points are not hidden.
         score: Probability that the crop shows a person.
         crop: Crop round the person, for the next picture.
     """
 
     pixels: Array
+    points_m: Array
     visibilities: Array
     score: float
     crop: Crop
@@ -81,6 +85,9 @@ class BlazePose:
         self._network.setInput(cv2.dnn.blobFromImage(part, 1.0 / 255.0, swapRB=True))
         found = self._network.forward(self._outputs)
         points = next(each for each in found if each.size == _POINTS * _VALUES).reshape(_POINTS, _VALUES)
+        space = next(each for each in found if each.size == _POINTS * _SPATIAL).reshape(_POINTS, _SPATIAL)
+        points_m = space[:_BODY_POINTS].astype(np.float64)
+        points_m[:, :2] = points_m[:, :2] @ (turn / scale).T
         score = float(next(each for each in found if each.size == 1).item())
         pixels = points[:, :2].astype(np.float64) @ turn.T + corner
         upwards = pixels[_TOP] - pixels[_CENTRE]
@@ -88,4 +95,4 @@ class BlazePose:
         x, y = pixels[_CENTRE].tolist()
         next_crop = Crop(x, y, _MARGIN * float(np.hypot(*upwards)), turned)
         visibilities = 0.5 * (1.0 + np.tanh(0.5 * points[:_BODY_POINTS, 3].astype(np.float64)))  # from logits
-        return FoundPerson(pixels[:_BODY_POINTS], visibilities, score, next_crop)
+        return FoundPerson(pixels[:_BODY_POINTS], points_m, visibilities, score, next_crop)

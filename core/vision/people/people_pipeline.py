@@ -7,14 +7,16 @@ from statistics import fmean
 
 import numpy as np
 
+from ...body.foot_lock import floor_of
 from ...geometry.arrays import Array, FloatArray, Image, IntArray, Mask
-from ...geometry.camera import CameraRig
+from ...geometry.camera import Camera, CameraRig
 from ...geometry.triangulation import triangulate
 from ...markers.marker_frame import MarkerFrame, undistort_blobs
 from ...markers.marker_set import MarkerSet, load_marker_set
 from ..pipeline import check_images
 from ..sources.image_set import ImageSet, camera_title
 from .body_network import BodyNetwork, FoundPerson
+from .person_depth import AveragePerson, PersonDepth
 from .person_follower import FollowSettings, PersonFollower
 from .side_exchanges import SideExchanges
 
@@ -27,6 +29,8 @@ class LocateSettings:
     error_share: float = 0.012  # standard deviation of a point in a picture, in units of the crop's side
     contradiction: float = 6.0  # reprojection error, in standard deviations, above which two rays do not meet
     reweighted: int = 8  # number of times that the rays of three or more cameras are weighted by how well they meet
+    depth_m: float = 0.15  # standard deviation of depths that a single camera shows
+    nearest_m: float = 0.1  # depth up to which the network has guessed wrongly
     agreeing: float = 0.5  # share of the points of several cameras that must meet, or the cameras show different things
 
 
@@ -61,6 +65,7 @@ class PeoplePipeline:
         self._followers = [PersonFollower(network, tries) for network in networks]
         self._others = others
         self._locator = PersonLocator(rig, self.points)
+        self._average = AveragePerson(self.points)
 
     def process(self, images: ImageSet) -> MarkerFrame:
         """Return the points of one image set: `detect`, then `PersonLocator.locate`."""
@@ -69,8 +74,8 @@ class PeoplePipeline:
     def detect(self, images: ImageSet) -> MarkerFrame:
         """Return the points of the person in each image, as the rows of `MarkerFrame.blobs` in the network's order.
 
-        A row's radius is the point's standard deviation, its brightness the probability that it is visible. An image
-        without a person has no rows.
+        A row's radius is the point's standard deviation, its brightness the probability that it is visible, its hue the
+        distance along the camera's axis, metres, for a person of average size. An image without a person has no rows.
 
         Raises:
             CaptureError: The number or the size of the images does not match the calibration.
@@ -88,10 +93,20 @@ class PeoplePipeline:
         return MarkerFrame(
             images.number,
             time_s,
-            blobs=tuple(_rows(person) for person in found),
+            blobs=tuple(map(self._rows, self.rig.cameras, found)),
             camera_times_s=stamps_s,
             notes=(*images.notes, *nobody),
         )
+
+    def _rows(self, camera: Camera, person: FoundPerson | None) -> FloatArray:
+        if person is None:
+            return _NOBODY
+        rows = np.zeros((len(person.pixels), 5), dtype=np.float32)
+        rows[:, :2] = person.pixels
+        rows[:, 2] = _S.error_share * person.crop.side_px
+        rows[:, 3] = 255.0 * person.visibilities
+        rows[:, 4] = self._average.depths_m(camera, person)
+        return rows
 
     def _find(self, images: ImageSet) -> list[FoundPerson | None]:
         """Return the person in the image of each camera."""
@@ -106,18 +121,10 @@ def _step(follower: PersonFollower, image: Image, use: bool) -> FoundPerson | No
     return follower.step(image) if use else None
 
 
-def _rows(person: FoundPerson | None) -> FloatArray:
-    if person is None:
-        return _NOBODY
-    rows = np.zeros((len(person.pixels), 5), dtype=np.float32)
-    rows[:, :2] = person.pixels
-    rows[:, 2] = _S.error_share * person.crop.side_px
-    rows[:, 3] = 255.0 * person.visibilities
-    return rows
-
-
 class PersonLocator:
     """Locates a network's points in space, with left and right put right.
+
+    If there is only one camera, the depths are guesses (see `PersonDepth`), and the points are rays as well.
 
     Args:
         rig: Calibrated cameras.
@@ -127,6 +134,7 @@ class PersonLocator:
     def __init__(self, rig: CameraRig, points: MarkerSet) -> None:
         self._rig, self._count = rig, len(points)
         self._exchanges = SideExchanges(rig.cameras, points.markers)
+        self._depth = PersonDepth(rig.cameras[0], points, floor_of(rig)) if len(rig) == 1 else None
 
     def locate(self, seen: MarkerFrame) -> MarkerFrame:
         """Return the labelled points of one moment from what `PeoplePipeline.detect` returned."""
@@ -165,7 +173,7 @@ class PersonLocator:
         is_apart = meets.sum() < _S.agreeing * len(several)
         several = several[meets]
         cameras_alone = is_seen[alone].argmax(axis=1)
-        return replace(
+        located = replace(
             seen,
             points_m=points_m[meets],
             covariances_m2=covariances_m2[meets],
@@ -177,6 +185,16 @@ class PersonLocator:
             single_labels=alone,
             notes=(*seen.notes, APART) if is_apart else seen.notes,
         )
+        return located if self._depth is None or not len(alone) else self._placed(located, self._depth)
+
+    def _placed(self, seen: MarkerFrame, depth: PersonDepth) -> MarkerFrame:
+        """Return a single camera's frame with its points in space as well."""
+        depths_m = seen.blobs[0][seen.single_blobs, 4].astype(np.float64)
+        ahead = depths_m > _S.nearest_m
+        labels, rows = seen.single_labels[ahead], seen.single_blobs[ahead]
+        points_m = depth.place(seen.time_s, labels, seen.single_points[ahead], depths_m[ahead])
+        covariances_m2 = np.broadcast_to(_S.depth_m**2 * np.eye(3), (len(labels), 3, 3))
+        return replace(seen, points_m=points_m, covariances_m2=covariances_m2, labels=labels, point_blobs=rows[:, None])
 
     def _meet(self, normalised: Array, sigmas_px: Array, is_seen: Mask) -> tuple[Array, Array, Mask]:
         """Return where rays (N, C, 2) meet (N, 3), the covariances, and which rays (N, C) meet there.

@@ -36,7 +36,7 @@ def draw_person(frame: MarkerFrame, names: Sequence[str], camera: int, picture: 
     alone = frame.single_cameras == camera
     meeting = dict(zip(frame.labels.tolist(), frame.point_blobs[:, camera].tolist(), strict=True))
     single = dict(zip(frame.single_labels[alone].tolist(), frame.single_blobs[alone].tolist(), strict=True))
-    meeting = {label: row for label, row in meeting.items() if row >= 0}
+    meeting = {label: row for label, row in meeting.items() if row >= 0 and label not in single}
     places = {
         name: reduced(pixels[meeting.get(label, single.get(label, label))], picture, image_width)
         for label, name in enumerate(names)
@@ -50,4 +50,4 @@ def draw_person(frame: MarkerFrame, names: Sequence[str], camera: int, picture: 
     for label, name in enumerate(names):
         colour = _GREEN if label in meeting else _ORANGE if label in single else _RED
         cv2.circle(picture, places[name], 2, colour, -1, cv2.LINE_AA)
-    write_line(picture, f"{len(meeting)} of {len(names)} points")
+    write_line(picture, f"{len(meeting) or len(single)} of {len(names)} points")

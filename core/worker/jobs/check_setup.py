@@ -133,9 +133,12 @@ def _check_person(request: CheckSetupRequest, channel: Channel) -> tuple[list[Fi
 def _on_floor(
     request: CheckSetupRequest, pipeline: PeoplePipeline, frames: Sequence[MarkerFrame]
 ) -> tuple[CameraRig, Facts]:
-    """Return the cameras with the floor under the person's feet, and facts about it, unless they know the floor."""
+    """Return the cameras with the floor under the person's feet, and facts about it, unless they know the floor.
+
+    A single camera does not show the floor: the depths of the feet are guesses.
+    """
     rig, points = pipeline.rig, pipeline.points
-    if not request.floor_out or has_floor(rig):
+    if not request.floor_out or has_floor(rig) or len(rig) == 1:
         return rig, {}
     take = labelled_take(frames, points.names, "check", _SETTINGS.person_fps, rig)
     try:

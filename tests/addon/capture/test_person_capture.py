@@ -71,10 +71,15 @@ def test_the_performer_is_a_body_of_the_typed_height_or_has_measured_bones(
     assert readiness.first_missing_step(filmed) == ""
 
 
-def test_one_camera_other_performers_and_props_are_refused(part: Any, filmed: Any, targets: Any) -> None:
-    readiness, target_settings = part("settings.readiness"), part("settings.target_settings")
+def test_one_camera_is_enough(part: Any, filmed: Any) -> None:
+    readiness = part("settings.readiness")
     filmed.right_video = ""
-    assert readiness.first_missing_step(filmed).startswith("a person without markers needs two cameras")
+    assert readiness.first_missing_step(filmed) == ""
+    assert readiness.cameras(filmed).text == "one camera"
+
+
+def test_other_performers_and_props_are_refused(part: Any, filmed: Any, targets: Any) -> None:
+    target_settings = part("settings.target_settings")
     for kind, text in (("PROP", "props are found by their markers"), ("PERFORMER", "only one person is followed")):
         targets.entries.clear()
         entry = targets.entries.add()

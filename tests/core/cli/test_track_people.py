@@ -31,6 +31,21 @@ def tracked(shared_dir, tmp_path, capsys):
 
 
 @pytest.mark.long
+def test_one_film_becomes_motion(tracked, tmp_path, capsys):
+    told = tracked(4)
+    assert (told["frames"], told["labels"]) == (60, "those of the body network")
+    line = ["solve", tmp_path / "beam.take.npz", "--height", 1.61, "--out", tmp_path / "beam.bvh", "--json"]
+    assert main(list(map(str, line))) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["confidence"] < 0.5
+    motion = read_motion(tmp_path / "beam.bvh")
+    joints_m, _ = forward_kinematics(motion.skeleton, motion.rotations, motion.root_positions_m)
+    assert np.ptp(joints_m[0, :, 1]) == pytest.approx(1.5, abs=0.2)  # he stands
+    (camera,) = read_take(tmp_path / "beam.take.npz").single.rig.cameras
+    assert np.median(camera.to_camera(motion.root_positions_m)[:, 2]) == pytest.approx(3.1, abs=0.3)
+
+
+@pytest.mark.long
 def test_two_films_become_motion(tracked, tmp_path, capsys):
     told = tracked(1, 4, more=("--floor", "feet"))
     assert (told["markers"], told["frames"], told["labels"]) == (33, 60, "those of the body network")

@@ -1,5 +1,7 @@
 import numpy as np
 import pytest
+from perfanim.core.markers.marker_set import PointKind
+from perfanim.core.markers.source_noise import noise_of
 from perfanim.core.solver.observation import Observation, control_jacobian, control_residual, control_sigmas
 from perfanim.core.solver.subject_model import ROOT_AT_REST
 
@@ -62,14 +64,45 @@ def test_back_projection_is_the_closest_point_on_the_ray(true_markers, mixed):
 
 def test_marker_noise_adds_to_the_least_deviation(mixed):
     noise_m = 0.004 * np.arange(8)
-    noisy = mixed.smoothed(mixed.points_m + 1.0, noise_m)
+    noisy = mixed.smoothed(mixed.points_m + 1.0, noise_m, noise_of(PointKind.MARKERS))
     np.testing.assert_array_equal(noisy.points_m, mixed.points_m + 1.0)
     of_located = np.repeat(np.sqrt(0.003**2 + noise_m[mixed.located] ** 2), 3)
     np.testing.assert_allclose(control_sigmas(noisy, 0.003), [*of_located, *[0.003] * 4])
     np.testing.assert_allclose(control_sigmas(mixed, 0.003), 0.003)
+    source = noise_of(PointKind.KEYPOINTS)
+    across = control_sigmas(mixed.smoothed(mixed.points_m, noise_m, source), 0.003)[-4:]
+    np.testing.assert_allclose(across, np.hypot(0.003, source.across_m))
 
 
-def test_jacobian_is_the_derivative_of_the_residual(model, mixed):
+@pytest.fixture
+def guessed(true_markers, stage_rig):
+    """Markers that one camera sees, placed 10 % too far away."""
+    camera = stage_rig.cameras[0]
+    points_m = camera.centre_m + 1.1 * (true_markers[0] - camera.centre_m)
+    image_points = camera.undistort(camera.project(true_markers[0]))
+    return Observation(points_m, np.zeros(8, dtype=np.int64), image_points, (camera,))
+
+
+def test_guessed_depths_differ_along_the_rays_only(true_markers, guessed):
+    away_m = control_residual(guessed, true_markers[0]).reshape(8, 3)
+    depths_m = guessed.rig[0].to_camera(true_markers[0])[:, 2]
+    np.testing.assert_allclose(away_m[:, :2], 0.0, atol=1e-9)
+    np.testing.assert_allclose(away_m[:, 2], -0.1 * depths_m)
+    source = noise_of(PointKind.KEYPOINTS)
+    sigmas_m = control_sigmas(guessed.smoothed(guessed.points_m, np.full(8, 0.02), source), 0.0).reshape(8, 3)
+    np.testing.assert_allclose(sigmas_m, [[0.02, 0.02, source.guessed_m]] * 8)
+
+
+def test_guessed_depths_come_nearer_to_those_of_the_last_pose(true_markers, guessed):
+    placed = guessed.back_projected(true_markers[0])
+    before_m, after_m = (np.linalg.norm(each.points_m - true_markers[0], axis=1) for each in (guessed, placed))
+    assert np.all(after_m < 0.5 * before_m)
+    np.testing.assert_allclose(guessed.without_guesses().back_projected(true_markers[0]).points_m, true_markers[0])
+
+
+@pytest.mark.parametrize("kind", ["mixed", "guessed"])
+def test_jacobian_is_the_derivative_of_the_residual(model, kind, request):
+    mixed = request.getfixturevalue(kind)
     pose = np.random.default_rng(1).normal(scale=0.3, size=(28, 3))
 
     def residual(change):

@@ -77,6 +77,23 @@ def test_frames_have_the_labelled_points_of_the_person(nets, pictures, points_m)
     assert np.count_nonzero(greenest[..., 1] - greenest[..., 0] > 100) > 100  # the skeleton's points
 
 
+def test_one_camera_gives_rays_and_guesses_of_depth(nets, pictures, points_m):
+    source, rig = ImageFiles(pictures.paths[:1], fps=30.0), CameraRig(RIG.cameras[:1], RIG.metadata)
+    sent = run(camera_frames, CamerasRequest(source=source, rig=rig, people="network", preview=True))
+    assert len(sent.frames) == COUNT and len(sent.pictures) > 0
+    for frame, row in zip(sent.frames, points_m, strict=True):
+        assert frame.labels.tolist() == frame.single_labels.tolist() == list(range(len(POINTS)))
+        np.testing.assert_allclose(rig.cameras[0].project(frame.points_m), rig.cameras[0].project(row), atol=1e-3)
+        assert frame.notes == ()
+
+
+def test_one_camera_without_depths_gives_rays(nets, pictures):
+    source, rig = ImageFiles(pictures.paths[:1], fps=30.0), CameraRig(RIG.cameras[:1], RIG.metadata)
+    nets[0].points_m.clear()
+    sent = run(camera_frames, CamerasRequest(source=source, rig=rig, people="network"))
+    assert {(len(frame.points_m), len(frame.single_points)) for frame in sent.frames} == {(0, len(POINTS))}
+
+
 def test_a_camera_without_a_person_is_told_with_each_frame(nets, pictures):
     nets[0].pixels.clear()
     sent = run(camera_frames, CamerasRequest(source=pictures, rig=RIG, people="network"))
