@@ -90,8 +90,8 @@ def write_film(path: Path, numbers: Sequence[int], fps: float = 30.0, size: tupl
 
 def one_network(rig: CameraRig, points_m: Array) -> FakeNetwork:
     """Return a network that finds the points (F, K, 3) in the pictures of all cameras (see `moments`)."""
-    found = networks(rig, points_m)
-    pixels, in_cameras_m = (
-        {number: row for each in found for number, row in getattr(each, name).items()} for name in ("pixels", "points_m")
-    )
-    return FakeNetwork(pixels, in_cameras_m)
+    both = FakeNetwork({})
+    for each in networks(rig, points_m):
+        both.pixels |= each.pixels
+        both.points_m |= each.points_m
+    return both
