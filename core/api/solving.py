@@ -144,7 +144,7 @@ def solve_unmeasured(
     cache = cache or SessionCache()
     opened = _opened(database, cache)
     subject = fit_subject(take, opened, marker_set, progress=lambda share, text: progress(0.5 * share, text))
-    solved = solve_markers(take, subject, opened, request, progress, cache)
+    solved = solve_markers(take, subject, opened, request, lambda share, text: progress(0.5 + 0.5 * share, text), cache)
     moved_m = moved_markers(subject, choose_worn(marker_set, take))
     text = contradicted_places(moved_m)
     return replace(

@@ -20,6 +20,8 @@ from .rig_import import caliscope_rows, level_from_world, qualisys_rows
 from .rigid_transform import nearest_rotation
 from .stereo_import import is_stereo, stereo_rows
 
+CALIBRATION_ENDINGS = (".toml", ".json", ".yaml", ".yml", ".xml", ".mat", ".txt")
+"""Extensions of the files that `load_rig` reads."""
 _FARTHEST = 1e6  # largest value of pixels, and of lengths in the file's unit
 
 

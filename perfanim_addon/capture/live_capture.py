@@ -50,6 +50,7 @@ class LiveCapture:
         self._refinement: LiveRefinement | None = None
         self._stop_asked = False
         self._kept: str | None = None
+        self.actions: tuple[str, ...] = ()  # names of the recorded actions
 
     @property
     def line(self) -> str:
@@ -212,6 +213,7 @@ class LiveCapture:
         if not parts or driver is None or driver.space is None:
             return ""
         _, actions = write_take(context, TakeMotion(driver.targets, driver.props, all_poses), parts, "Capture")
+        self.actions = tuple(actions)
         recorded = parts[0].poses[0].number, parts[-1].poses[-1].number
         span = None if recorded == (all_poses[0].number, all_poses[-1].number) else recorded
         with contextlib.suppress(PerfanimError):  # there may be no take, because of a full disk or a killed worker

@@ -38,6 +38,8 @@ class PERFANIM_OT_start_capture(CheckedOperator, bpy.types.Operator):
         self._status = ""
         activity.begin(context, capture, TUNING.tick_s)
         context.window_manager.modal_handler_add(self)
+        if not bpy.data.is_dirty and bpy.ops.ed.undo_push.poll():
+            bpy.ops.ed.undo_push(message=self.bl_label)  # so that quitting asks: Blender does only if the file changed
         return {"RUNNING_MODAL"}
 
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
@@ -88,7 +90,7 @@ class PERFANIM_OT_start_capture(CheckedOperator, bpy.types.Operator):
             if not text and capture.by_button and is_counting:
                 text = "nothing was recorded"
             text = text or ("stopped in the countdown" if is_counting else "stopped before the first frame")
-            activity.set_message(PANEL, text)
+            activity.set_message(PANEL, text, about=capture.actions)
             self.report({"INFO"}, text)
         if error is not None:
             report_error(self, PANEL, error)
@@ -104,7 +106,7 @@ class PERFANIM_OT_start_capture(CheckedOperator, bpy.types.Operator):
         except PerfanimError as error:
             report_error(self, PANEL, error)
             return
-        activity.set_message(PANEL, text)
+        activity.set_message(PANEL, text, about=self._capture.actions)
         if text and bpy.ops.ed.undo_push.poll():
             bpy.ops.ed.undo_push(message=self.bl_label)
 

@@ -34,7 +34,7 @@ def content() -> _Content:
     if capture is None or capture.run is None:
         return type(activity.current()), activity.messages()
     run, changes = capture.run, offer.refined.changes if offer.refined is not None else ()
-    return run.statistics.waiting > 1, len(further_performers(capture)), run.notice, changes
+    return run.statistics.waiting > 1, len(further_performers(capture)), run.notices, changes
 
 
 class _Empty(SidebarPanel):

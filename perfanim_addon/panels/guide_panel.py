@@ -12,6 +12,7 @@ from ..preferences.property_kinds import draw_props, property_column
 from ..preferences.sidebar_tab import SidebarPanel
 from ..settings import guide_steps, readiness
 from ..settings.capture_settings import settings
+from .capture_panel import draw_notices
 from .panel_drawing import draw_job, draw_text, header_status
 from .step_panels import PERFANIM_PT_camera_controls, draw_ignored, draw_source
 
@@ -42,8 +43,10 @@ class PERFANIM_PT_guide(SidebarPanel, bpy.types.Panel):
         draw_text(context, layout, f"Done: {done}" if done else "", "CHECKMARK")
         draw_text(context, layout, f"{number + 1}. {step.title}", "FORWARD")
         draw_text(context, layout, step.text(chosen), "BLANK1")
-        if running_capture() is not None:
+        capture = running_capture()
+        if capture is not None:
             layout.operator("perfanim.stop_capture", icon="SNAP_FACE")
+            draw_notices(context, layout, capture)
             return
         _draw_settings(property_column(layout), chosen, step)
         if step is guide_steps.EXPOSURE and PERFANIM_PT_camera_controls.poll(context):

@@ -91,7 +91,7 @@ class PERFANIM_PT_takes(SidebarPanel, bpy.types.Panel):
         if running_capture() is not None:
             layout.label(text="Takes are listed after the capture")
             return
-        layout.operator("perfanim.import_takes", icon="IMPORT")
+        layout.operator("perfanim.import_takes", text="Import...", icon="IMPORT")
         shown = _list(context)
         if not take_library.listed():
             layout.label(text="Every capture is kept here")

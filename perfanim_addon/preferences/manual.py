@@ -21,7 +21,7 @@ _OPERATORS = (
     (f"{_CAPTURE}#character", "*_character *bone* use_active_armature show_t_pose"),
     (f"{_CAPTURE}#additional-targets", "*_target"),
     ("batch.html", "*batch*"),
-    ("marker-takes.html", "import_takes"),
+    ("marker-takes.html#in-blender", "import_takes"),
     (_SKETCH, "*sketch* add_controls draw_hips_path follow_* *behaviour show_motion_paths"),
     (f"{_CAPTURE}#clean-up-motion", "*_motion remove_pop hold_feet"),
     (f"{_CAPTURE}#takes-and-batches", "*take*"),

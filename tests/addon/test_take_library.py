@@ -177,9 +177,10 @@ def test_a_take_is_put_on_the_character(part: Any, chosen: Any, takes: Any) -> N
     path = write_take(takes.folder(), "walk", frames=30, poses=20)
     bpy.context.scene.render.fps = 60
     bpy.context.scene.frame_current = 11
-    text = part("operators.put_on_character").put_on_character(bpy.context, path)
+    text, actions = part("operators.put_on_character").put_on_character(bpy.context, path)
     armature = chosen.armature
     assert text == f"20 frames in walk on {armature.name}; 10 more frames without a pose: use Solve Again"
+    assert actions == ("walk",)
     np.testing.assert_allclose(key_times(curves_of(armature)), np.arange(11, 31), atol=1e-3)
     with pytest.raises(Exception, match="has no solved poses"):
         part("operators.put_on_character").put_on_character(bpy.context, write_take(path.parent, "none", poses=0))

@@ -46,10 +46,10 @@ def recorded(part: Any, walk: SimpleNamespace, name: str, **notes: Any) -> Path:
 
 
 def imported(part: Any, walk: SimpleNamespace, *files: str) -> str:
-    operator = part("operators.solve_takes").PERFANIM_OT_import_takes
+    operator = part("operators.import_takes").PERFANIM_OT_import_takes
     names = [SimpleNamespace(name=name) for name in files]
     given = {"files": names, "directory": str(walk.folder), "filepath": "", "up": "auto", "method": "nearest"}
-    given |= {"trust_labels": False}
+    given |= {"trust_labels": False, "body": "CHOSEN", "put_on": False}
     return run_job(part, operator, SimpleNamespace(**given))
 
 
@@ -95,7 +95,7 @@ def test_without_a_database_the_starter_is_made_first(
     target = part("settings.readiness").starter_database_path()
     monkeypatch.setattr(part("operators.database_operators"), "MOTION", walk.folder)
     assert not target.exists()
-    assert imported(part, walk, "walk.c3d") == "1 take imported"
+    assert imported(part, walk, "walk.c3d") == "1 take imported; good"
     assert target.exists()
     assert read_take_file(listed_takes()[0].path).setup.database["path"] == str(target)
 
