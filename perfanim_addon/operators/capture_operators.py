@@ -16,6 +16,7 @@ from .database_operators import is_starter_missing, starter_job
 from .operator_bases import CheckedOperator, RunningOperator, defect, need, report_error
 
 PANEL = "capture"
+_TOO_SHORT = "the test walk was too short to say how good captures will be: walk about for ten seconds"
 
 
 class PERFANIM_OT_start_capture(CheckedOperator, bpy.types.Operator):
@@ -81,7 +82,9 @@ class PERFANIM_OT_start_capture(CheckedOperator, bpy.types.Operator):
         text = ""
         try:
             text = capture.keep(context)
-            guide_steps.seen.walk = judge_capture(capture)
+            verdict = judge_capture(capture)
+            guide_steps.seen.is_walked = bool(verdict)
+            guide_steps.seen.walk = verdict or _TOO_SHORT
             offer.capture = refining_take(capture, settings(context))
         except PerfanimError as second:
             error = error or second

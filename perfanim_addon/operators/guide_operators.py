@@ -143,3 +143,14 @@ class PERFANIM_OT_skip_step(PanelOperator, bpy.types.Operator):
 
     def run(self, context: bpy.types.Context) -> None:
         guide_steps.skip(settings(context))
+
+
+class PERFANIM_OT_unskip_steps(PanelOperator, bpy.types.Operator):
+    """Go back to the first step that was skipped"""
+
+    bl_label = "Go Back to Skipped Steps"
+    panel = PANEL
+    missing_input = need(lambda _context: guide_steps.seen.skipped, "No step was skipped")
+
+    def run(self, context: bpy.types.Context) -> None:
+        guide_steps.seen.skipped.clear()

@@ -69,7 +69,8 @@ class PERFANIM_OT_import_takes(FilesOperator, SolvingOperator, bpy.types.Operato
             layout.label(text=f"Performer: {performer}{height}", icon="USER")
             layout.label(text=f"Markers: {Path(readiness.marker_set_source(chosen)).stem}", icon="DOT")
         if not self.files or any(item.name.lower().endswith(_FILMED) for item in self.files):
-            column = layout.column(heading="Films and Pictures")
+            column = layout.column()
+            column.label(text="Films and Pictures")
             draw_props(column, chosen, "follow")
             if chosen.follow == "MARKERS":
                 draw_props(column, chosen, "marker_set")
