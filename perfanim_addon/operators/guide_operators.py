@@ -8,6 +8,7 @@ from ...core.geometry.arrays import Image
 from ...core.subjects.setup_check.finding import Fault
 from ...core.worker.requests import CheckSetupRequest, ShowCamerasRequest
 from ..capture import capture_request
+from ..preferences import preferences
 from ..preferences.paths import absolute, user_folder
 from ..preferences.property_kinds import HIDDEN, whole_number
 from ..settings import camera_choice, guide_steps, ignored_places, readiness
@@ -92,6 +93,26 @@ class PERFANIM_OT_check_setup(_PictureJob, bpy.types.Operator):
             self.keep_picture(space)
             overlay.show_space(readiness.rig(absolute(chosen.calibration)))
         return "; ".join(filter(None, ("no fault was found", space, summary.get("floor_advice"))))
+
+
+class PERFANIM_OT_propose_exposure(PanelOperator, bpy.types.Operator):
+    """Set the exposure that keeps fast markers sharp on both cameras; reflective markers stay bright enough"""
+
+    bl_label = f"Set {preferences.PROPOSED_MS} ms"
+    panel = PANEL
+
+    @classmethod
+    def missing_input(cls, context: bpy.types.Context) -> str:
+        is_set = all(
+            not camera.exposure_auto and camera.exposure_ms <= preferences.PROPOSED_MS
+            for camera in preferences.cameras_of(context)
+        )
+        return "Both cameras have such an exposure" if is_set else ""
+
+    def run(self, context: bpy.types.Context) -> None:
+        for camera in preferences.cameras_of(context):
+            camera.exposure_auto, camera.exposure_ms = False, preferences.PROPOSED_MS
+        guide_steps.seen.forget_pictures()
 
 
 class PERFANIM_OT_ignore_reflections(PanelOperator, bpy.types.Operator):

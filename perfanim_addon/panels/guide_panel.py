@@ -58,6 +58,7 @@ class PERFANIM_PT_guide(SidebarPanel, bpy.types.Panel):
         _draw_settings(property_column(layout), chosen, step)
         if step is guide_steps.EXPOSURE and PERFANIM_PT_camera_controls.poll(context):
             preferences.draw_camera_controls(property_column(layout), context.preferences.addons[ADDON].preferences)
+            layout.operator("perfanim.propose_exposure", icon="LIGHT_SUN")
         is_faulty = state.state is readiness.StepState.FAULTY
         for line in state.problem.splitlines() if is_faulty else ():
             draw_text(context, layout, line, "ERROR")

@@ -97,9 +97,8 @@ class PERFANIM_PT_takes(SidebarPanel, bpy.types.Panel):
         if not take_library.listed():
             layout.label(text="Every capture is kept here")
         else:
-            row = layout.row()
-            row.enabled = bool(bpy.data.filepath)
-            row.prop(shown, "this_file")
+            if bpy.data.filepath:
+                layout.prop(shown, "this_file")
             layout.template_list("PERFANIM_UL_takes", "", shown, "entries", shown, "active", rows=4)
         if 0 <= shown.active < len(shown.entries):
             _draw_take(context, layout, shown.entries[shown.active])

@@ -9,7 +9,7 @@ _CAPTURE, _SKETCH = "capture-in-blender.html", "sketch-in-blender.html"
 
 # Patterns of operators and settings per page; the first match counts.
 _OPERATORS = (
-    (f"{_CAPTURE}#guide", "show_cameras skip_step unskip_steps"),
+    (f"{_CAPTURE}#guide", "show_cameras skip_step unskip_steps propose_exposure"),
     ("people.html", "*body_network"),
     ("hardware.html#check-it", "check_setup ignore_reflections forget_ignored"),
     ("calibration.html#performer", "calibrate_performer calibrate_subject"),

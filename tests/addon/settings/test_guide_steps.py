@@ -309,3 +309,13 @@ def test_forgetting_begins_with_the_pictures(part: Any, guide: Any, chosen: Any)
     guide.keep_check(chosen, GOOD)
     guide.seen.forget()
     assert title(guide, chosen) == "Exposure"
+
+
+def test_the_exposure_of_the_guide_is_set_with_one_click(part: Any, guide: Any, chosen: Any) -> None:
+    preferences = part("preferences.preferences")
+    assert {controls.exposure_s for controls in preferences.camera_controls(bpy.context)} == {None}
+    assert bpy.ops.perfanim.propose_exposure() == {"FINISHED"}
+    assert {controls.exposure_s for controls in preferences.camera_controls(bpy.context)} == {0.004}
+    assert not bpy.ops.perfanim.propose_exposure.poll()
+    for camera in preferences.cameras_of(bpy.context):
+        camera.exposure_auto = True  # for other tests: preferences stay
