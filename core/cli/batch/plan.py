@@ -20,7 +20,7 @@ from ...database.starter_database import STARTER, starter_database
 from ...errors import PerfanimError, SettingsError
 from ...formats.markers.marker_files import READABLE, is_recorded
 from ...formats.motion.write_motion import ANGLES, BVH, MOTION_ENDINGS
-from ...system.files import exists, is_file, is_folder, read_bytes, read_toml
+from ...system.files import is_file, is_folder, read_bytes, read_toml
 from ...system.schema import About, Schema, Table
 
 Value = str | float | bool | list[str]
@@ -282,10 +282,8 @@ def _merge(shared: Mapping[str, Value], own: Mapping[str, Value]) -> dict[str, V
 def _resolve_paths(table: Table, folder: Path, where: str) -> dict[str, Value]:
     """Return the options of a table, checked, with absolute paths."""
     options = SETTINGS.read(table, where)
-    paths = {key: _resolved(getattr(options, key), HOLDS.get(key), folder) for key in table}
-    if options.database == STARTER and not exists(folder / STARTER):
-        paths["database"] = str(starter_database())  # before several processes would build it
-    return paths
+    named = {"database": str(starter_database())} if options.database == STARTER else {}  # built before it is shared
+    return {key: _resolved(getattr(options, key), HOLDS.get(key), folder) for key in table} | named
 
 
 def _resolved(value: Any, holds: Holds | None, folder: Path) -> Value:
