@@ -13,6 +13,7 @@ class NoteKind(Enum):
     SOURCE = auto()  # message from a camera, or another source of marker frames
     HIDDEN = auto()  # markers or a prop are hidden
     JUMPED = auto()  # markers moved faster than a body can, and are not used yet
+    FROZEN = auto()  # markers stand exactly still while the body moves, and are not used
     EXCHANGED = auto()  # markers had each other's labels, which were corrected
     UNCERTAIN = auto()  # a part of the body has a large expected error
     UNFAMILIAR = auto()
@@ -55,11 +56,14 @@ _SENTENCES = _DECISIONS | {
     NoteKind.WAITING: "waiting for the markers of the torso",
     NoteKind.REFUSED: "a frame with an impossible time was left out",
 }
-_JUMPED, _EXCHANGED = " jumped, left out", " exchanged, put back"
-_ENDINGS = {" hidden": NoteKind.HIDDEN, _JUMPED: NoteKind.JUMPED, _EXCHANGED: NoteKind.EXCHANGED}
+_JUMPED, _FROZEN, _EXCHANGED = " jumped, left out", " frozen, left out", " exchanged, put back"
+_ENDINGS = {" hidden": NoteKind.HIDDEN, _JUMPED: NoteKind.JUMPED, _FROZEN: NoteKind.FROZEN}
+_ENDINGS |= {_EXCHANGED: NoteKind.EXCHANGED}
 _ENDINGS |= {sentence: kind for kind, sentence in _SENTENCES.items()}
 # Problems that the solver reacted to.
-_ACTED_ON = {NoteKind.JUMPED, NoteKind.EXCHANGED, NoteKind.HELD, NoteKind.WAITING, NoteKind.REFUSED}
+_ACTED_ON = {
+    NoteKind.JUMPED, NoteKind.FROZEN, NoteKind.EXCHANGED, NoteKind.HELD, NoteKind.WAITING, NoteKind.REFUSED,
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -99,6 +103,11 @@ class PoseNote:
     def jumped(cls, names: Iterable[str]) -> "PoseNote":
         """Return the note that the markers with these names are left out because they jumped."""
         return cls(NoteKind.JUMPED, ", ".join(names) + _JUMPED)
+
+    @classmethod
+    def frozen(cls, names: Iterable[str]) -> "PoseNote":
+        """Return the note that the markers with these names are left out because they stand exactly still."""
+        return cls(NoteKind.FROZEN, ", ".join(names) + _FROZEN)
 
     @classmethod
     def exchanged(cls, names: Iterable[str]) -> "PoseNote":

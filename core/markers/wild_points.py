@@ -74,7 +74,7 @@ def _doubted(times_s: Array, points_m: Array, source: SourceNoise) -> Mask:
 def _gated(times_s: Array, points_m: Array, source: SourceNoise, way: int) -> tuple[Mask, Mask]:
     """Return masks (F, M) of the doubted and of the explained positions in a direction of time, 1 or -1."""
     smoother = MarkerSmoother(points_m.shape[1], source, _ANY_JUMP)
-    alone = Carried(np.full(points_m.shape[1:], np.nan), fits=False)
+    alone = Carried(np.full(points_m.shape[1:], np.nan), lambda given_m, corrected_m: 0.0)
     doubted, explained = np.zeros((2, *points_m.shape[:2]), dtype=bool)
     for row in range(len(times_s))[::way]:
         gated = smoother.step(way * times_s[row], points_m[row], alone).believed

@@ -14,6 +14,7 @@ from ..body.scene_pose import PerformerPose, body_confidence
 from ..database.store import Database
 from ..geometry.arrays import Array, Mask
 from ..geometry.camera import CameraRig
+from ..markers.frozen_markers import FrozenMarkers
 from ..markers.jump_gate import Carried
 from ..markers.marker_frame import MarkerFrame
 from ..markers.marker_smoothing import MarkerSmoother
@@ -27,6 +28,7 @@ from ..solver.solution import Solution, SolverState
 from ..solver.subject_model import SubjectModel
 from .frame_labelling import BodyExamples, FrameLabeller, is_labelled, rest_markers
 from .hypothesis_tracking import HypothesisTracker
+from .limb_coverage import doubted, open_limbs
 from .part_errors import PartErrors
 from .tracking_quality import Fit, TrackingQuality, assess_fit, tracking_of
 
@@ -35,7 +37,7 @@ _WORN_S = 0.2  # time constant for averaging a marker's offset from the solved b
 # tilt from the examples at which the confidence has fallen to 1/e; people are within 36 degrees in 95 % of the frames,
 # lying bodies at 78 or more
 _TILTED_DEG = 60.0
-_AGREES = 0.3  # least agreement (see `Fit`) of a pose by which exchanged labels are corrected
+_OPEN_S = 0.5  # time without any known marker after which a limb is doubtful; before it, the motion goes on as expected
 _WORSE_M = 0.004  # largest increase of the RMS distance from the body with alternative labels
 
 
@@ -45,6 +47,7 @@ class _Tracked(NamedTuple):
     observation: Observation  # markers that are used
     known_m: Array  # (M, 3) positions for the solver: smoothed, and extrapolated while briefly hidden
     doubted: Mask  # (M,) markers that jumped
+    frozen: Mask  # (M,) markers whose positions the source repeats
     exchanged: Mask  # (M,) markers whose exchanged labels were corrected
     solution: Solution | None
 
@@ -146,7 +149,9 @@ class Session:
         self._state = self.solver.initial_state
         self._marker_velocities = None
         self._apart_m = np.full((len(self.subject.marker_set), 3), np.nan)  # offsets of observed from solved markers
+        self._known_s = np.full(len(self._feet), -np.inf)  # times at which the solver last knew the markers
         self._labelled_s: float | None = None  # time at which one camera's labels were found
+        self._frozen = FrozenMarkers(self._feet)
         self._smoother = MarkerSmoother(len(self.subject.marker_set), self._source, feet=self._feet)
         self._quality.reset()
         if self._hypotheses is not None:
@@ -162,12 +167,17 @@ class Session:
         if self.labeller.labellings != labellings:
             self._decisions.append(NoteKind.LABELLED)
         carried = self._carried(frame.time_s) if doubts else None
-        found = self._smoother.step(frame.time_s, observation.points_m, carried)
+        points_m, frozen = observation.points_m, np.zeros(len(self._feet), dtype=bool)
+        if doubts:
+            frozen = self._frozen.step(points_m, self._elapsed_s(frame.time_s))
+            points_m = np.where(frozen[:, None], np.nan, points_m)
+        found = self._smoother.step(frame.time_s, points_m, carried)
         smoothed = observation.smoothed(found.points_m, found.deviations_m)
         observation = replace(observation, points_m=found.believed.points_m)
         # at most one expensive search per frame
         solution, self._state = self.solver.step(self._state, smoothed, frame.time_s, self.labeller.searched)
-        return _Tracked(observation, smoothed.points_m, found.believed.doubted, found.believed.exchanged, solution)
+        believed = found.believed
+        return _Tracked(observation, smoothed.points_m, believed.doubted, frozen, believed.exchanged, solution)
 
     def _carried(self, time_s: float) -> Carried:
         """Return where the torso markers should be at a given time, extrapolated from the last two poses."""
@@ -177,7 +187,13 @@ class Session:
             # markers are not worn exactly where the body model has them, so their mean offsets are added
             worn_m = self._state.markers_m + np.nan_to_num(self._apart_m)
             carried_m[slow] = (worn_m + self._elapsed_s(time_s) * self._marker_velocities)[slow]
-        return Carried(carried_m, self._agreement >= _AGREES)
+        return Carried(carried_m, self._nearness)
+
+    def _nearness(self, given_m: Array, corrected_m: Array) -> float:
+        """Return the distance of markers (M, 3) from the closest example, relative to that of others."""
+        fresh = replace(self.solver.initial_state, root=self._state.root, markers_m=self._state.markers_m)
+        own_m, other_m = (self.solver.closest_m(fresh, Observation.of_points(each)) for each in (given_m, corrected_m))
+        return own_m / max(other_m, 1e-9)
 
     def _note_markers(self, before_m: Array | None, observation: Observation, elapsed_s: float) -> None:
         """Remember the velocities of the solved markers, and the mean offsets of observed markers from solved ones."""
@@ -237,12 +253,12 @@ class Session:
         nothing = np.full((len(self.subject.marker_set), 3), np.nan)
         none = np.zeros(len(nothing), dtype=bool)
         if best is None:
-            return _Tracked(Observation.of_points(nothing), nothing, none, none, None)
+            return _Tracked(Observation.of_points(nothing), nothing, none, none, none, None)
         if best.start_s != self._labelled_s:
             self._decisions.append(NoteKind.LABELLED if self._labelled_s is None else NoteKind.RELABELLED)
             self._labelled_s = best.start_s
         self._state = best.state
-        return _Tracked(best.observation, nothing, none, none, best.solution)
+        return _Tracked(best.observation, nothing, none, none, none, best.solution)
 
     def _solved_pose(self, frame: MarkerFrame, tracked: _Tracked, solution: Solution) -> PerformerPose:
         observation = tracked.observation
@@ -251,10 +267,11 @@ class Session:
         fit = assess_fit(shown, solution, self._quality.settings)
         self._agreement = fit.agreement
         texts = np.array(self.subject.marker_set.texts)
-        hidden, jumped = texts[~fit.located & ~tracked.doubted], texts[tracked.doubted]
+        hidden = texts[~fit.located & ~(tracked.doubted | tracked.frozen)]
         notes = [*source_notes(frame.notes), *([PoseNote.hidden(hidden)] if len(hidden) else [])]
-        notes += [PoseNote.jumped(jumped)] if len(jumped) else []
-        notes += [PoseNote.exchanged(texts[tracked.exchanged])] if tracked.exchanged.any() else []
+        found = [(PoseNote.jumped, tracked.doubted), (PoseNote.frozen, tracked.frozen)]
+        found.append((PoseNote.exchanged, tracked.exchanged))
+        notes += [note(texts[markers]) for note, markers in found if markers.any()]
         notes += [PoseNote.of(NoteKind.UNFAMILIAR)] if solution.nearest_m > self._quality.settings.familiar_m else []
         notes += map(PoseNote.of, self._decided(solution))
         held = fit.rms_m > self._quality.settings.wrong_m
@@ -285,6 +302,12 @@ class Session:
             part_errors_deg=errors_deg,
             joint_errors_deg=joint_errors_deg,
         )
+        self._known_s[np.isfinite(points_m[:, 0]) | observation.single] = frame.time_s
+        self._known_s[tracked.frozen] = -np.inf  # what is extrapolated from a frozen marker is wrong
+        lately = frame.time_s - self._known_s < _OPEN_S
+        if not lately.all():
+            names = [name for name, is_known in zip(self.subject.marker_set.names, lately, strict=True) if is_known]
+            pose = doubted(pose, open_limbs(self.subject.marker_set, names))
         return replace(pose, notes=(*notes, *self._part_errors.notes(pose)))
 
     def _confidence(self, fit: Fit, solution: Solution, errors_deg: Array) -> float:

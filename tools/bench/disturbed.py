@@ -9,7 +9,9 @@ from perfanim.core.body.motion import Motion, resampled, sliced
 from perfanim.core.body.motion_metrics import evaluate
 from perfanim.core.database.store import Database
 from perfanim.core.geometry.camera import CameraRig
+from perfanim.core.markers.marker_set import PointKind
 from perfanim.core.markers.marker_take import MarkerTake, SingleViews
+from perfanim.core.simulate.simulated_keypoints import KeypointErrors, keypoint_errors
 from perfanim.core.simulate.simulated_markers import simulate_markers
 from perfanim.core.simulate.studio.studio_rig import default_rig
 from perfanim.core.solver.settings import SolveSettings
@@ -30,6 +32,8 @@ _FARTHER, _PIXELS = 2.0, 0.2  # for one-camera views: factor on the studio's dis
 _WILD_M = 0.05, 0.17  # distances of wild points
 _GAP_FRAMES, _GAP_SHARES = (1, 2, 3, 5), (0.8, 0.1, 0.05, 0.05)  # lengths of gaps of markers that flicker
 _HIDDEN, _HIDDEN_S = "LHAN", (1.0, 1.5)  # the marker that is hidden, and when
+_KEYPOINTS = KeypointErrors(slow_m=0.03)
+_EXCHANGED, _EXCHANGED_FRAMES = (("LHAN", "RHAN"), ("LFOO", "RFOO")), (5, 15)  # keypoints that change sides, how long
 
 
 def disturbed_take(disturbance: Disturbance, truth: Motion, seed: int) -> tuple[MarkerTake, Motion]:
@@ -39,6 +43,8 @@ def disturbed_take(disturbance: Disturbance, truth: Motion, seed: int) -> tuple[
     take, _ = simulate_markers(truth, true_subject(truth), disturbance.noise_mm, disturbance.dropout, seed)
     if disturbance.flicker or disturbance.wild:
         take = _flickering(take, disturbance, np.random.default_rng(seed))
+    if disturbance.keypoints:
+        take = _as_keypoints(take, np.random.default_rng(seed))
     if disturbance.rays:
         whole, _ = simulate_markers(truth, true_subject(truth))
         return replace(take, single=_by_one_camera(take, whole, seed)), truth
@@ -60,6 +66,20 @@ def _flickering(take: MarkerTake, disturbance: Disturbance, generator: np.random
     mean = float(np.dot(_GAP_FRAMES, _GAP_SHARES))
     for first, marker in np.argwhere(generator.random(shape) < disturbance.flicker / mean):
         positions[first : first + generator.choice(_GAP_FRAMES, p=_GAP_SHARES), marker] = np.nan
+    return replace(take, positions_m=positions)
+
+
+def _as_keypoints(take: MarkerTake, generator: np.random.Generator) -> MarkerTake:
+    """Return the take with the errors of keypoints, and each pair exchanged once in either half."""
+    frames, count = take.positions_m.shape[:2]
+    positions = take.positions_m + keypoint_errors(frames, count, take.fps, generator, _KEYPOINTS)
+    least, most = _EXCHANGED_FRAMES
+    for pair in _EXCHANGED:
+        left, right = map(take.names.index, pair)
+        for half in (0, frames // 2):
+            first = half + generator.integers(frames // 2 - most)
+            part = slice(first, first + generator.integers(least, most + 1))
+            positions[part, [left, right]] = positions[part, [right, left]]
     return replace(take, positions_m=positions)
 
 
@@ -107,7 +127,6 @@ def solve_disturbed(
     Args:
         others: Further ways to solve a take, by name; they get no views of single cameras.
     """
-    subject = true_subject(truth)
     rows: list[dict[str, Any]] = []
     clean: Mapping[str, Way] = {}
     expected: dict[tuple[str, str], list[Expected]] = {}
@@ -116,6 +135,7 @@ def solve_disturbed(
         found: dict[str, list[dict[str, Any]]] = {way: [] for way in (LIVE, OFFLINE, *further)}
         for seed in seeds if disturbance.is_random else seeds[:1]:
             take, moved = disturbed_take(disturbance, truth, seed)
+            subject = true_subject(truth, PointKind.KEYPOINTS if disturbance.keypoints else PointKind.MARKERS)
             ways = solve_both_ways(take, subject, database, settings)
             clean = clean or ways
             first, last = first_pose(ways[LIVE].poses), moved.frames

@@ -14,10 +14,13 @@ from perfanim.core.body.standard_skeleton import default_skeleton
 from perfanim.core.database.store import open_database
 from perfanim.core.formats.motion.motion_sources import MotionFile, motion_files
 from perfanim.core.formats.motion.read_motion import read_motion
-from perfanim.core.geometry.arrays import Array, Mask
+from perfanim.core.geometry.arrays import Array, Mask, runs
+from perfanim.core.markers.jump_gate import Carried
 from perfanim.core.markers.label_faults import FaultKind, LabelFault, correct_labels
-from perfanim.core.markers.marker_set import load_marker_set
+from perfanim.core.markers.marker_set import PointKind, load_marker_set
+from perfanim.core.markers.marker_smoothing import MarkerSmoother
 from perfanim.core.markers.marker_take import MarkerTake
+from perfanim.core.markers.source_noise import noise_of
 from perfanim.core.markers.subject import Subject
 from perfanim.core.simulate.simulated_markers import simulate_markers
 
@@ -36,6 +39,7 @@ _SOLVED_S = 6.0  # duration of each take that is solved
 _EVERY = 24  # step between the clips of the other studio that are used, because there are many
 _ENDS = (("arm", "hand"), ("leg", "foot"))
 _LIMBS = {f"{side} {limb}": (f"{side} {limb}", f"{side} {end}") for side in ("left", "right") for limb, end in _ENDS}
+_LIVE = "exchanged live"  # kind of a false alarm of the live gate
 _CLOSE = 1.2  # largest ratio of a limb's error to that without faults that counts as close
 
 
@@ -118,18 +122,25 @@ def _made(take: MarkerTake, name: str, generator: np.random.Generator) -> tuple[
 
 
 def scored(
-    take: MarkerTake, corrected: MarkerTake, found: Sequence[LabelFault], faults: Sequence[Fault]
+    take: MarkerTake,
+    corrected: MarkerTake,
+    live_m: Array,
+    found: Sequence[LabelFault],
+    faults: Sequence[Fault],
 ) -> tuple[list[dict[str, Any]], list[LabelFault]]:
     """Return a row for each fault, and the reported stretches that do not match one.
 
     Args:
         take: Take without faults.
         corrected: Take with faults, corrected.
+        live_m: Markers (F, M, 3) with faults that the live gate let through, NaN where it doubted them.
     """
     told = np.zeros(take.positions_m.shape[:2], dtype=bool)
     for each in found:
         told[each.first : each.last + 1, [take.names.index(label) for label in each.labels]] = True
-    away = np.linalg.norm(corrected.positions_m - take.positions_m, axis=-1)
+    away, live_away = (
+        np.linalg.norm(points_m - take.positions_m, axis=-1) for points_m in (corrected.positions_m, live_m)
+    )
     rows = [
         {
             "fault": fault.name,
@@ -137,6 +148,7 @@ def scored(
             "frames": fault.stretch.last - fault.stretch.first + 1,
             "found": bool(told[fault.wrong].mean() >= 0.5),
             "left_wrong": round(float((away[fault.wrong] > _LEAST_M).mean()), 3),
+            "live_wrong": round(float((live_away[fault.wrong] > _LEAST_M).mean()), 3),
         }
         for fault in faults
     ]
@@ -159,7 +171,8 @@ def label_faults(run: Run, seed: int = 0) -> dict[str, Any]:
     Returns:
         found (by marker set and fault), found_share, limbs (mean error of the joints of each limb of each take, as a
         ratio to that without faults), limbs_median, limbs_worst, limbs_close (share of ratios up to 1.2), clean_s,
-        alarms (in clean takes), alarms_per_10_min, outputs.
+        alarms (in clean takes), alarms_per_10_min (recorded), live_alarms (exchanges that the live gate saw in clean
+        takes), outputs.
     """
     folders = run.folders((CMU, BANDAI))
     with motion_files(folders) as files:
@@ -184,7 +197,7 @@ def label_faults(run: Run, seed: int = 0) -> dict[str, Any]:
             "put_in": len(of),
             "found": round(float(np.mean([r["found"] for r in of])), 4),
         }
-        | {"left_wrong": round(float(np.mean([r["left_wrong"] for r in of])), 4)}
+        | {name: round(float(np.mean([r[name] for r in of])), 4) for name in ("left_wrong", "live_wrong")}
         for (markers, fault), of in groups(rows, "markers", "fault").items()
     ]
     figures: dict[str, Any] = {
@@ -196,7 +209,8 @@ def label_faults(run: Run, seed: int = 0) -> dict[str, Any]:
         "limbs_close": round(float(np.mean(ratios <= _CLOSE)), 4),
         "clean_s": round(seconds, 1),
         "alarms": alarms,
-        "alarms_per_10_min": round(600.0 * len(alarms) / seconds, 3),
+        "alarms_per_10_min": round(600.0 * sum(row["kind"] != _LIVE for row in alarms) / seconds, 3),
+        "live_alarms": sum(row["kind"] == _LIVE for row in alarms),
     }
     return run.write("label-faults", figures, {"": rows, "limbs": limbs, "alarms": alarms})
 
@@ -212,10 +226,25 @@ def _look(file: MotionFile, seed: int) -> tuple[Rows, Rows, float]:
         seconds += clean.frames / clean.fps
         of = {"take": file.stem, "markers": name}
         alarms += [of | _row(fault) for fault in correct_labels(clean, subject)[1]]
+        exchanged = _gated(clean)[1].any(axis=1)
+        alarms += [
+            of | {"first": start, "last": stop - 1, "kind": _LIVE, "labels": ""} for start, stop in runs(exchanged)
+        ]
         faulty, put_in = with_faults(clean, faults, seed)
         corrected, found = correct_labels(faulty, subject)
-        rows += [of | row for row in scored(clean, corrected, found, put_in)[0]]
+        rows += [of | row for row in scored(clean, corrected, _gated(faulty)[0], found, put_in)[0]]
     return rows, alarms, seconds
+
+
+def _gated(take: MarkerTake) -> tuple[Array, Mask]:
+    """Return the markers (F, M, 3) that the gate of live captures lets through, and those whose labels it changed."""
+    smoother = MarkerSmoother(len(take.names), noise_of(PointKind.MARKERS))
+    unknown = Carried(np.full((len(take.names), 3), np.nan))  # nothing is solved here
+    found = [
+        smoother.step(time_s, points_m, unknown).believed
+        for time_s, points_m in zip(take.times_s.tolist(), take.positions_m, strict=True)
+    ]
+    return np.array([each.points_m for each in found]), np.array([each.exchanged for each in found])
 
 
 def _row(fault: LabelFault) -> dict[str, Any]:

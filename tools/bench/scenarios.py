@@ -214,12 +214,13 @@ class Disturbance:
     flicker: float = 0.0  # share of marker positions that are missing, mostly for single frames
     wild: float = 0.0  # share of marker positions that are 50 to 170 mm off, for single frames
     rays: bool = False  # show each missing marker to one of two cameras
+    keypoints: bool = False  # markers with the errors of keypoints; hands and feet change sides twice for some frames
     fps: float = 0.0  # frame rate; 0 keeps the take's
 
     @property
     def is_random(self) -> bool:
         """Whether it differs from seed to seed."""
-        return any((self.noise_mm, self.dropout, self.flicker, self.wild))
+        return any((self.noise_mm, self.dropout, self.flicker, self.wild, self.keypoints))
 
 
 CLEAN = Disturbance("clean")
@@ -229,6 +230,7 @@ QUICK_DISTURBANCES = (
     Disturbance("30 % lost, a hand for 0.5 s", dropout=0.3, hides=True),
     Disturbance("30 % by one camera", dropout=0.3, rays=True),
     Disturbance("flicker and wild points", flicker=0.15, wild=0.08),
+    Disturbance("keypoints", keypoints=True),
 )
 DISTURBANCES = (
     CLEAN,

@@ -1,6 +1,7 @@
 """Solving takes, and comparison of pose errors with the errors that the solver expects."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,7 +15,7 @@ from perfanim.core.database.store import Database
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.geometry.arrays import Array
 from perfanim.core.markers.label_faults import correct_labels
-from perfanim.core.markers.marker_set import load_marker_set
+from perfanim.core.markers.marker_set import PointKind, load_marker_set
 from perfanim.core.markers.marker_take import MarkerTake
 from perfanim.core.markers.subject import Subject
 from perfanim.core.markers.take_frames import take_frames
@@ -35,9 +36,9 @@ SKATE, DEEPEST = "skate_beyond_cm_s", "toes_below_mm"
 _SHARE = 10  # the lowest and the highest tenth of the frames are compared
 
 
-def true_subject(truth: Motion) -> Subject:
-    """Return the subject with a motion's own skeleton and the benchmarks' markers."""
-    return Subject(truth.name, truth.skeleton, load_marker_set(MARKER_SET))
+def true_subject(truth: Motion, points: PointKind = PointKind.MARKERS) -> Subject:
+    """Return the subject with a motion's own skeleton and the benchmarks' markers, or keypoints at their places."""
+    return Subject(truth.name, truth.skeleton, replace(load_marker_set(MARKER_SET), points=points))
 
 
 def markers_of(motion: Motion) -> Array:

@@ -39,7 +39,7 @@ def test_faults_at_random_places_are_found_and_undone(truth, subject, noise_mm, 
     clean = simulate_markers(truth, subject, noise_mm, seed=seed)[0]
     faulty, faults = with_faults(clean, ("FOO", "HAN", "sides", "wild"), seed)
     corrected, found = correct_labels(faulty, subject)
-    rows, alarms = scored(clean, corrected, found, faults)
+    rows, alarms = scored(clean, corrected, corrected.positions_m, found, faults)
     assert faults and all(row["found"] and row["left_wrong"] == 0.0 for row in rows) and alarms == []
 
 

@@ -69,16 +69,23 @@ def test_hidden_marker_is_noted_and_lowers_confidence(subject, database, record,
     np.testing.assert_array_equal(np.isnan(pose.observed_m[:, 0]), [0, 0, 0, 0, 1, 0, 1, 0])
 
 
-def test_a_frame_without_a_pose_agrees_with_nothing(subject, database, record, noisy):
-    session = Session(subject, database)
-    for number in range(3):
-        session.step(record(noisy[number], number, KNOWN))
-    assert session._carried(3 / FPS).fits
-    session._forget()  # without a restart, which forgets the agreement, too
-    few = noisy[3].copy()
-    few[[0, 1, 2, 6]] = np.nan
-    assert PoseNote.of(NoteKind.WAITING) in session.step(record(few, 3, KNOWN)).notes
-    assert not session._carried(4 / FPS).fits
+def test_a_frozen_hand_is_left_out_and_its_arm_doubtful(subject, database, record, noisy):
+    session, hand = Session(subject, database), subject.marker_set.names.index("LHAN")
+    points = noisy[:40].copy()
+    points[15:, hand] = points[15, hand]
+    poses = [session.step(record(row, number, KNOWN)) for number, row in enumerate(points)]
+    assert PoseNote.frozen(["left hand"]) in poses[30].notes
+    assert not any("frozen" in note.text for pose in poses[:15] for note in pose.notes)
+    assert "left arm" in poses[30].doubtful_parts and "right arm" not in poses[30].doubtful_parts
+    assert np.isnan(poses[30].observed_m[hand]).all()
+
+
+def test_a_limb_without_markers_becomes_doubtful(subject, database, record, noisy):
+    session, hand = Session(subject, database), subject.marker_set.names.index("LHAN")
+    points = noisy[:50].copy()
+    points[5:, hand] = np.nan
+    poses = [session.step(record(row, number, KNOWN)) for number, row in enumerate(points)]
+    assert "left arm" not in poses[10].doubtful_parts and "left arm" in poses[-1].doubtful_parts
 
 
 def test_a_lying_walk_is_doubtful(subject, database, record, noisy):
