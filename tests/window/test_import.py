@@ -1,20 +1,15 @@
 """Recordings of others become motion of the character: chosen, or dropped on the viewport, and nothing is asked."""
 
 import logging
-import shutil
 import time
 from pathlib import Path
 
 import numpy as np
-import pytest
 from desktop import BlenderWindow, Desktop
 from perfanim.core.cli.main import main
 from perfanim.core.formats.markers.c3d_write import write_c3d
 from perfanim.core.formats.markers.marker_files import read_take
-from perfanim.core.geometry.camera import CameraRig
-from perfanim.core.geometry.rig_file import load_rig, save_rig
 from perfanim.core.system.assets import MOTION
-from perfanim.core.vision.people.network_file import body_network_file
 from pointing import Hand
 from sidebar_steps import check_upright, import_character, joints, opened, said_of_takes
 
@@ -73,25 +68,3 @@ def test_a_folder_with_the_pictures_of_both_cameras_is_chosen(
     wait_for_import(desktop, window, hand, "pictures", clicks=2)
     (action,) = window.state()["actions"].values()
     assert action["last"] >= 24 * 2.9  # three seconds
-
-
-def test_two_films_of_a_person_are_dropped_with_their_calibration(
-    desktop: Desktop, window: BlenderWindow, shared_dir: Path, tmp_path: Path
-) -> None:
-    if not body_network_file().is_file():
-        pytest.skip("the body network is not here: perfanim network get")
-    films, folder = shared_dir / "people" / "walk-on-beam", tmp_path / "beam"
-    folder.mkdir()
-    dropped = [shutil.copy(films / name, folder) for name in ("cam04.mp4", "cam01.mp4")]
-    rig = load_rig(films / "Calib.qca.txt")
-    save_rig(CameraRig((rig.cameras[0], rig.cameras[3]), rig.metadata), folder / "cameras.toml")
-    hand = opened(desktop, window, "import-films")
-    hand.toggle("Takes")
-    window.order("drop", paths=[*dropped, str(folder / "cameras.toml")])
-    hand.find("Solving")
-    hand.click("Markers", sidebar=False)
-    hand.click("Person", sidebar=False)
-    desktop.screenshot("import-films-dialog")
-    desktop.key("Return")
-    said = wait_for_import(desktop, window, hand, "films", clicks=3)
-    assert "100 frames in beam on Performer; good" in said, said
