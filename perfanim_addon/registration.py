@@ -32,6 +32,7 @@ _PANELS = (  # in the order of the sidebar
     "guide_panel",
     "character_panel",
     "step_panels",
+    "hands_panel",
     "capture_panel",
     "targets_panel",
     "takes_panel",

@@ -174,7 +174,7 @@ def _face_palm_down(
     hand = side + "hand"
     if hand not in joints:
         return
-    across = _across_hand(rest, joints, heads, side)
+    across = across_hand(rest, joints, heads, side)
     if across is None:
         return
     along = _wanted(skeleton, hand, joints)
@@ -190,7 +190,7 @@ def _face_palm_down(
             turns[joint] = rot.multiply(rot.from_rotation_vector(share * angle * along), turns[joint])
 
 
-def _across_hand(rest: ArmatureRest, joints: Mapping[str, int], heads: Array, side: str) -> Array | None:
+def across_hand(rest: ArmatureRest, joints: Mapping[str, int], heads: Array, side: str) -> Array | None:
     """Return the direction across the palm towards the thumb, or None if there are no fingers."""
     index, little = (_knuckle(rest, joints[side + "hand"], side, words) for words in (("index",), ("pinky", "little")))
     if index >= 0 and little >= 0:

@@ -53,14 +53,14 @@ def driven_bones(
                     first, second = skeleton.index(lower), skeleton.index(upper)
                     driven[bone] = DrivenBone(bone, first, second, float(share), rot.identity())
     for joint in [side + name for side in "lr" for name in ("fingers", "toes") if side + name in joints]:
-        for name in _neighbour_names(rest.names[joints[joint]]):
+        for name in neighbour_names(rest.names[joints[joint]]):
             bone = rest.index.get(name, -1)
             if bone >= 0 and bone not in driven:
                 driven[bone] = DrivenBone(bone, skeleton.index(joint), skeleton.index(joint), 0.0, turns[joint])
     return [driven[bone] for bone in sorted(driven)]
 
 
-def _neighbour_names(name: str) -> list[str]:
+def neighbour_names(name: str) -> list[str]:
     """Return the names of the other fingers or toes: LeftHandMiddle1 -> LeftHandRing1, ..."""
     for word in _FINGERS:
         for spelling in (str, str.capitalize, str.upper):

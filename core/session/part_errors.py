@@ -21,13 +21,19 @@ _JOINT_SCALES = {
 }  # fmt: skip
 # expected error of a part, relative to the mean of its joints', found on the same takes: joints rarely err together
 _PART_SCALE = 0.84
+_FROM = {0: "", 1: " from the camera", 2: " from both cameras"}
 _FAR_M = 0.03  # distance between solved and located marker above which the marker does not fit
 
 
 class PartErrors:
-    """Expected errors of the parts and joints of one subject's body."""
+    """Expected errors of the parts and joints of one subject's body.
 
-    def __init__(self, subject: SubjectModel) -> None:
+    Args:
+        cameras: Number of cameras that may show the markers; 0 if unknown.
+    """
+
+    def __init__(self, subject: SubjectModel, cameras: int = 0) -> None:
+        self._hidden = "hidden" + _FROM.get(cameras, " from all cameras")
         carried = subject.skeleton.is_ancestor[subject.joints] & ~subject.torso[:, None]
         self._markers: list[Mask] = [carried[:, joints].any(axis=1) for joints in PART_JOINTS.values()]
         # weights (P, J - 1) that average over the joints of each part
@@ -57,7 +63,7 @@ class PartErrors:
                 continue
             is_one = np.sum(markers) == 1
             if markers.any() and not (pose.seen & markers).any():
-                reason = "its marker is hidden" if is_one else "its markers are hidden"
+                reason = f"its marker is {self._hidden}" if is_one else f"its markers are {self._hidden}"
             elif not fits[markers].all():
                 reason = "its marker does not fit" if is_one else "its markers do not fit"
             else:

@@ -76,7 +76,7 @@ class Session:
         self._source = noise_of(subject.marker_set.points)
         self._feet = np.array([marker.joint in FOOT_JOINTS for marker in subject.marker_set.markers])
         self._quality = TrackingQuality(self._model.torso, self._has_one_camera, tracking_of(self._source))
-        self._part_errors = PartErrors(self._model)
+        self._part_errors = PartErrors(self._model, len(cameras))
         self.reset()
 
     def reset(self) -> None:

@@ -53,6 +53,7 @@ def performance(
     fps: float = 60.0,
     skeleton: Skeleton | None = None,
     mirrored: bool = False,
+    at_once: bool = False,
 ) -> Motion:
     """Return a performance, a T pose followed by a behaviour, with a given duration and body.
 
@@ -60,6 +61,7 @@ def performance(
         seconds: Duration of the whole motion, to which the behaviour is cut or repeated; None keeps it as shipped.
         skeleton: Skeleton with the standard joints; None keeps the performance's own skeleton.
         mirrored: Swap left and right.
+        at_once: Leave the T pose out.
 
     Raises:
         SettingsError: The behaviour is unknown, or the duration or the frame rate is out of range.
@@ -68,6 +70,8 @@ def performance(
         advice = f"use {LEAST_FPS:g} to {MOST_FPS:g} frames per second"
         raise SettingsError(f"the frame rate {fps:g} is out of range", advice=advice)
     motion, start = load_performance(behaviour)
+    if at_once:
+        motion, start = sliced(motion, start, motion.frames), 0
     if mirrored:
         motion = replace(
             motion,

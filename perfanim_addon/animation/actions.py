@@ -20,7 +20,7 @@ from ..character.bone_map_settings import stored_adjustments
 from ..character.create_character import find_armature
 from ..character.retarget_plans import plan_for
 from .action_placement import Placement, PlacementMode, new_action, place_action
-from .keyframes import KeyWriter, bone_path, fill
+from .keyframes import KeyWriter, bone_path, fill, is_hand_pose
 from .quaternion_curves import keep_in_quaternions
 
 _OBJECT_GROUP = "Object Transforms"  # name used by Blender
@@ -211,8 +211,8 @@ def refill_pose(
         channels += [("delta_rotation_quaternion", rot.continuous(turns)), ("delta_location", ways)]
     for path, values in channels:
         for component, channel in enumerate(values.T):
-            if (path, component) in curves:
-                curve = curves[path, component]
+            curve = curves.get((path, component))
+            if curve is not None and not is_hand_pose(curve):
                 curve.keyframe_points.clear()
                 fill(curve, frames, channel, straight=True)
         yield

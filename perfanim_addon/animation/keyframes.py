@@ -11,6 +11,8 @@ from ...core.body.keyframe_reduction import location_keys, rotation_keys, slopes
 from ...core.geometry.arrays import Array, IntArray, Mask
 from ..blender_versions import new_channels, new_curve
 
+# types of the keys of hand poses, which no take has: where the pose is reached, and where it is left
+REACHED, LEFT = "EXTREME", "BREAKDOWN"
 _JITTER = 3  # Keyframe.type "JITTER" as foreach_set expects it
 _LINEAR = 1  # Keyframe.interpolation "LINEAR" as foreach_set expects it
 _ALIGNED = 3  # Keyframe.handle_left_type "ALIGNED"
@@ -131,6 +133,11 @@ def _fill_eased(curve: bpy.types.FCurve, frames: Array, values: Array, steep: Ar
             handles = np.stack((frames + reach, values + reach * steep), axis=1)
             points.foreach_set(f"handle_{side}", handles.astype(np.float32).ravel())
     curve.update()
+
+
+def is_hand_pose(curve: bpy.types.FCurve) -> bool:
+    """Return whether a curve has the keys of hand poses."""
+    return len(curve.keyframe_points) > 0 and all(key.type in (REACHED, LEFT) for key in curve.keyframe_points)
 
 
 def bone_path(bone_name: str, channel: str) -> str:

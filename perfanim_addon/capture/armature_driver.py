@@ -1,12 +1,12 @@
 """Driver that poses an armature, fast enough for every tick of a live capture."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ...core.body.skeleton import Skeleton
-from ...core.geometry.arrays import IntArray
+from ...core.geometry.arrays import Array, IntArray
 from ...core.retarget.retargeter import apply_plan
 from ..animation.quaternion_curves import keep_in_quaternions
 from ..character.armature_reading import clear_offsets, delta_transforms
@@ -37,6 +37,7 @@ class ArmatureDriver:
         self._skeleton = skeleton
         self._parts = parts
         self._last: tuple[ArrayLike, ArrayLike] | None = None
+        self._held: dict[str, Array] = {}
         self.bind()
 
     def bind(self) -> None:
@@ -56,6 +57,13 @@ class ArmatureDriver:
         self._order: IntArray = np.array([places[name] for name in self._names], dtype=np.int64)
         self._quaternions = np.zeros((len(bones), 4), dtype=np.float32)
         self._modes = np.zeros(len(bones), dtype=np.int32)
+
+    def hold(self, turns: Mapping[str, Array]) -> None:
+        """Keep bones in rotations (4,) relative to rest from now on, whatever the poses say."""
+        self._held |= turns
+        bones = find_armature(self.object_name).pose.bones
+        for name in turns:
+            bones[name].rotation_mode = "QUATERNION"
 
     def apply(self, rotations: ArrayLike, root_position_m: ArrayLike) -> None:
         """Pose the armature.
@@ -81,6 +89,8 @@ class ArmatureDriver:
             bones.foreach_get("rotation_quaternion", flat)
         pose = apply_plan(self.plan, rotations, root_position_m)
         self._quaternions[self._order] = pose.rotations[self._turned]
+        for name, turn in self._held.items():
+            self._quaternions[bones.find(name)] = turn
         bones.foreach_set("rotation_quaternion", flat)
         if pose.object_rotation is not None and pose.object_location is not None and self.only is None:
             turn, way = delta_transforms(armature_object, pose.object_rotation, pose.object_location)

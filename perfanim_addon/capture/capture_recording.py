@@ -68,9 +68,15 @@ class Recording:
         self.seconds_left = left
         return Cue.COUNT
 
-    def end(self, poses: Sequence[ScenePose]) -> None:
-        """End the recording with the newest pose; during the countdown it ends empty."""
+    def seconds(self, poses: Sequence[ScenePose]) -> float:
+        """Return the recorded time so far, by the poses' times."""
+        return poses[-1].time_s - poses[min(self._first, len(poses) - 1)].time_s if self.begun else 0.0
+
+    def end(self, poses: Sequence[ScenePose], cut_s: float = 0.0) -> None:
+        """End the recording with the newest pose, or `cut_s` before it; during the countdown it ends empty."""
         self.over, self.seconds_left, self._stop = True, 0, len(poses)
+        while self._stop > self._first + 1 and poses[-1].time_s - poses[self._stop - 1].time_s < cut_s:
+            self._stop -= 1
 
     def recorded(self, poses: Sequence[ScenePose]) -> list[ScenePose]:
         """Return those poses of a capture that belong to the recording."""

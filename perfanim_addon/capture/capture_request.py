@@ -25,6 +25,7 @@ from ..preferences import preferences
 from ..preferences.paths import absolute
 from ..settings import readiness, target_settings, vmc_settings
 from ..settings.target_settings import SIMULATED_HEIGHT_M
+from ..viewport import performer_screen
 from .capture_run import CaptureRun
 
 _TEMPORARY = "perfanim-"
@@ -67,7 +68,7 @@ def make(settings: Any) -> Setup:
         cameras=replace(
             wanted,
             source=_with_targets(wanted.source, settings, len(performers) - 1),
-            preview=settings.capture_preview,
+            preview=settings.capture_preview or performer_screen.window() is not None,
             background_file=_background_file(),
         ),
         performers=performers,
@@ -99,7 +100,7 @@ def _with_targets(chosen: SourceRequest, settings: Any, partners: int) -> Source
     others = [behaviour for behaviour in _PARTNERS if behaviour != settings.behaviour]
     shown = tuple(Partner(others[index % len(others)]) for index in range(partners))
     fault = _FAULTY.get(settings.practise_fault, {}) if settings.practise else {}
-    return replace(chosen, prop=carried[0] if carried else "", partners=shown, studio=fault)
+    return replace(chosen, at_once=True, prop=carried[0] if carried else "", partners=shown, studio=fault)
 
 
 def shape(settings: Any) -> FilterSettings:

@@ -8,23 +8,26 @@ import bpy
 from ...core.body.scene_pose import ScenePose
 from ...core.errors import PerfanimError
 from ...core.session.delayed_poses import calm_poses
+from ...core.session.gestures import GESTURES, GestureWatch
 from ...core.session.walk_test import judge_walk, walk_figures
 from ...core.simulate.studio.simulated_performer import SimulatedPerformer
 from ...core.system.files import exists
 from .. import take_library
+from ..animation.hand_keys import hand_turns
 from ..jobs import activity
 from ..jobs.job import Job
 from ..settings import readiness
-from ..settings.capture_settings import settings
+from ..settings.capture_settings import chosen_gesture, settings
 from ..settings.result_settings import start_frame
 from ..viewport import overlay, picture_overlay
 from . import capture_request, sound
 from .capture_recording import Cue, Recording
 from .capture_run import CaptureRun, Phase
+from .hand_cues import HandCues
 from .live_refinement import LiveRefinement
 from .scene_driver import SceneDriver
 from .tuning import TUNING
-from .write_take import RecordedPart, TakeMotion, write_take
+from .write_take import RecordedPart, TakeMotion, doubts, write_take
 
 
 class LiveCapture:
@@ -49,6 +52,8 @@ class LiveCapture:
         self._drawn: overlay.Scene | None = None
         self._refinement: LiveRefinement | None = None
         self._stop_asked = False
+        self._hands = HandCues()
+        self._gestures: GestureWatch | None = None
         self._kept: str | None = None
         self.actions: tuple[str, ...] = ()  # names of the recorded actions
 
@@ -79,6 +84,22 @@ class LiveCapture:
             going.end(self.run.poses)
             self._tell(Cue.END)
 
+    def signal(self, chosen: Any, cut_s: float = 0.0) -> None:
+        """Start or stop by a key or a gesture: a recording with Record by Button, otherwise the capture ends.
+
+        Args:
+            cut_s: Time before now that is left out at the end of the recording: the performer's gesture.
+        """
+        going = self.recording
+        if self.run is not None and self.by_button and going is None:
+            self.record(chosen)
+            return
+        if self.run is not None and going is not None:
+            going.end(self.run.poses, cut_s)
+            self._tell(Cue.END)
+        if not self.by_button:
+            self.stop()
+
     @property
     def done(self) -> bool:
         """Whether the run has ended."""
@@ -97,6 +118,8 @@ class LiveCapture:
         if pose is None or self._driver is None:
             return False
         self._apply(context, self._driver, self.run)
+        if self._gestures is not None and not self._stop_asked and self._gestures.step(pose.performers[0]):
+            self.signal(settings(context), GESTURES.lasts_s)
         self._draw(context, self._driver, pose)
         self.run.shown()
         if self._refinement is not None and self._refinement.tick(pose.time_s - self.run.poses[0].time_s):
@@ -146,6 +169,8 @@ class LiveCapture:
         if not self.by_button:
             self.record(chosen)
         self._sounds = chosen.record_sound
+        if (gesture := chosen_gesture(chosen)) is not None:
+            self._gestures = GestureWatch(setup.performers[0].skeleton, gesture)
         self.setup, self.take_path = setup, setup.request.take
         self.run = setup.start(self._python)
         if not readiness.is_known(chosen):  # a simulated performer's body needs no refinement
@@ -166,6 +191,15 @@ class LiveCapture:
         """Apply the newest pose again after an animation has overwritten it."""
         if self._driver is not None:
             self._driver.reapply_pose()
+
+    def pose_hands(self, name: str, sides: str) -> None:
+        """Let the first character's hands ("l", "r", "lr") hold a pose from now on; CharacterError if it cannot."""
+        driver = self._driver
+        if driver is None or self.run is None or not self.run.poses or driver.space is None:
+            return
+        turns = hand_turns(bpy.data.objects[driver.targets[0].armature], sides, name)
+        driver.hold(turns)
+        self._hands.add(self.run.poses[-1].time_s, turns)
 
     def tune(self, chosen: Any) -> None:
         """Use the smoothing and foot lock settings from now on."""
@@ -212,7 +246,9 @@ class LiveCapture:
             driver.held.give_back()  # the recording's strip goes above these actions
         if not parts or driver is None or driver.space is None:
             return ""
-        _, actions = write_take(context, TakeMotion(driver.targets, driver.props, all_poses), parts, "Capture")
+        motion = TakeMotion(driver.targets, driver.props, all_poses, driver.copies)
+        character, actions = write_take(context, motion, parts, "Capture")
+        self._hands.key(bpy.data.objects[character], parts)
         self.actions = tuple(actions)
         recorded = parts[0].poses[0].number, parts[-1].poses[-1].number
         span = None if recorded == (all_poses[0].number, all_poses[-1].number) else recorded
@@ -221,7 +257,7 @@ class LiveCapture:
         spans = [f"{part.frames(part.clock)[0]:.0f} to {part.frames(part.clock)[-1]:.0f}" for part in parts]
         seconds = sum(part.poses[-1].time_s - part.poses[0].time_s for part in parts)
         text = f"{sum(len(part.poses) for part in parts)} frames recorded in {', '.join(actions)}"
-        text += f": {seconds:.1f} s, scene frames {', '.join(spans)}"
+        text += f": {seconds:.1f} s, scene frames {', '.join(spans)}{doubts(motion, parts)}"
         return f"{text}; {self.run.persistent_warning}" if self.run and self.run.persistent_warning else text
 
 

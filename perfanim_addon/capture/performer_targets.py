@@ -81,6 +81,17 @@ def performer_targets(context: bpy.types.Context, subjects: Sequence[Subject]) -
     return targets
 
 
+def copy_targets(context: bpy.types.Context, subject: Subject) -> list[PerformerTarget]:
+    """Return the further characters that the first performer moves, each from where it stands."""
+    entries = enumerate(context.scene.perfanim_targets.entries)
+    chosen = [(index, each.armature) for index, each in entries if each.kind == "CHARACTER"]
+    return [
+        PerformerTarget(subject, 0, index, armature.name)
+        for index, armature in chosen
+        if _is_in_scene(armature) and armature != settings(context).armature
+    ]
+
+
 def add_character(context: bpy.types.Context, skeleton: Skeleton) -> str:
     """Add a character in a free position and choose it; return its name."""
     place = find_free_position(context)

@@ -1,19 +1,20 @@
 """Live motion of the characters and objects in a capture."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 
 import bpy
 from mathutils import Quaternion, Vector
 
 from ...core.body.scene_pose import PropPose, ScenePose
+from ...core.geometry.arrays import Array
 from ...core.markers.prop import Prop
 from ...core.markers.subject import Subject
 from ..blender_versions import detach_action
 from ..settings import target_settings
 from .armature_driver import ArmatureDriver
 from .capture_space import CaptureSpace, RigidOffset
-from .performer_targets import PerformerTarget, performer_targets
+from .performer_targets import PerformerTarget, copy_targets, performer_targets
 
 
 class SuspendedActions:
@@ -55,6 +56,9 @@ class SceneDriver:
         first, *further = performer_targets(context, performers)
         self._further = [_PerformerDriver(target, parts, self.held) for target in further]
         self._main = _PerformerDriver(first, parts, self.held)
+        self._copies = [_PerformerDriver(target, parts, self.held) for target in copy_targets(context, performers[0])]
+        for driver in self._copies:
+            driver.start(context, None)
         self.space: CaptureSpace | None = None
         if first.armature:
             self.start(context)
@@ -64,6 +68,11 @@ class SceneDriver:
         """The performers with their current characters."""
         return [driver.target for driver in (self._main, *self._further)]
 
+    @property
+    def copies(self) -> list[PerformerTarget]:
+        """The further characters of the first performer."""
+        return [driver.target for driver in self._copies]
+
     def start(self, context: bpy.types.Context) -> CaptureSpace:
         """Return the capture space; the first call creates it and missing characters."""
         if self.space is None:
@@ -71,6 +80,8 @@ class SceneDriver:
             character = bpy.data.objects[main.object_name]
             self._main.suspend_action(character)
             self.space = CaptureSpace(character, main.plan)
+            for driver in self._copies:
+                driver.suspend_own_action()
             for driver in self._further:
                 driver.start(context, self.space)
         return self.space
@@ -79,13 +90,19 @@ class SceneDriver:
         """Show the newest pose; deleted further targets are skipped. CharacterError if the first character is gone."""
         space, pose = self.start(context), poses[-1]
         self._main.apply(pose, None)
+        for driver in self._copies:
+            driver.apply_if_present(pose)
         self._prop_driver.apply(context, pose.props, space)
         for driver in self._further:
             driver.apply_offset(poses, space)
 
+    def hold(self, turns: Mapping[str, Array]) -> None:
+        """Keep bones of the first character in rotations (4,) relative to rest."""
+        self._main.hold(turns)
+
     def reapply_pose(self) -> None:
         """Apply the last pose again after an animation has overwritten it."""
-        for driver in (self._main, *self._further):
+        for driver in (self._main, *self._copies, *self._further):
             driver.reapply_pose()
 
 
@@ -113,11 +130,24 @@ class _PerformerDriver:
         if self.target.only is None:
             self._held.take(character)
 
+    def suspend_own_action(self) -> None:
+        character = self.target.character()
+        if character is not None:
+            self.suspend_action(character)
+
+    def apply_if_present(self, pose: ScenePose) -> None:
+        if self.target.character() is not None:
+            self.apply(pose, None)
+
     def apply(self, pose: ScenePose, offset: RigidOffset | None) -> None:
         body = pose.performers[self.target.index]
         rotations, root_m = body.rotations, body.root_position_m
         if self._driver is not None:
             self._driver.apply(*(offset.apply(rotations, root_m) if offset else (rotations, root_m)))
+
+    def hold(self, turns: Mapping[str, Array]) -> None:
+        if self._driver is not None:
+            self._driver.hold(turns)
 
     def apply_offset(self, poses: Sequence[ScenePose], space: CaptureSpace) -> None:
         character = self.target.character()
@@ -131,7 +161,7 @@ class _PerformerDriver:
         self.apply(poses[-1], self._offset)
 
     def reapply_pose(self) -> None:
-        if self._driver is not None and (self.target.index == 0 or self.target.character() is not None):
+        if self._driver is not None and (self.target.entry is None or self.target.character() is not None):
             self._driver.apply_again()
 
 

@@ -18,10 +18,12 @@ from ...core.formats.take_file.take_reader import TakeFile
 from ...core.geometry import rotations as rot
 from ...core.geometry.arrays import Array, Mask
 from ...core.markers.prop import Prop
+from ...core.markers.subject import Subject
 from ...core.retarget.retargeter import RetargetPlan
+from ...core.session.doubtful_text import doubtful_text
 from ...core.session.pose_filters import FilterSettings, filter_poses
 from ..animation.action_placement import Placement, PlacementMode
-from ..animation.actions import scene_fps, write_object_action, write_with_plan
+from ..animation.actions import scene_fps, scene_frames, write_object_action, write_with_plan
 from ..character.part_bones import part_of_bones
 from ..character.retarget_plans import plan_for
 from ..settings import target_settings
@@ -31,6 +33,8 @@ from .capture_space import CaptureSpace, RigidOffset
 from .continue_take import OwnMotion, continue_animation
 from .performer_targets import PerformerTarget
 
+_NO_OFFSET = RigidOffset(rot.identity(), np.zeros(3))
+
 
 @dataclass(frozen=True)
 class TakeMotion:
@@ -39,6 +43,7 @@ class TakeMotion:
     performers: Sequence[PerformerTarget]  # in the order of the poses
     props: Sequence[Prop]  # in the order of the poses
     poses: Sequence[ScenePose]  # all, because those outside the recorded parts show where a performer was first seen
+    copies: Sequence[PerformerTarget] = ()  # further characters of the first performer
 
 
 @dataclass(frozen=True)
@@ -145,6 +150,17 @@ def filter_take(take: TakeFile, chosen: FilterSettings, use_stored: bool = True)
     )
 
 
+def doubts(motion: TakeMotion, parts: Sequence[RecordedPart]) -> str:
+    """Return a sentence on the scene frames with doubtful poses or missing targets, and why; "" if there are none."""
+    performers, props = [each.subject.name for each in motion.performers], [prop.name for prop in motion.props]
+    told = []
+    for part in parts:
+        frames = scene_frames([pose.time_s for pose in part.poses], bpy.context.scene, part.start_frame)
+        told.append(doubtful_text(part.poses, performers, props, frames))
+    text = "; ".join(filter(None, told))
+    return f". Doubtful: {text}" if text else ""
+
+
 def write_take(
     context: bpy.types.Context, motion: TakeMotion, parts: Sequence[RecordedPart], title: str
 ) -> tuple[str, list[str]]:
@@ -176,13 +192,15 @@ def write_take(
         actions.append(write_with_plan(character, *keyed, shown.plan, name=title, placement=how))
         if settings(context).extend_scene:
             context.scene.frame_end = max(context.scene.frame_end, int(np.ceil(poses.frames[-1])))
-    if motion.props or further:
+    if motion.props or further or motion.copies:
         writer = _FurtherWriter(context, motion, space, placing, title)
         for part in parts:
             for index, prop in enumerate(motion.props):
                 actions += writer.prop(index, prop, part)
             for target in further:
                 actions += writer.performer(target, part)
+            for target in motion.copies:
+                actions += writer.copy(target, part)
     return main.armature, actions
 
 
@@ -226,13 +244,34 @@ class _FurtherWriter:
         character, subject = bpy.data.objects[target.armature], target.subject
         plan = plan_for(character, subject.skeleton)
         how = placement(self.context, None if is_new else character, target.only)
+        offset = target.offset_into(self.space, CaptureSpace(character, plan), self.motion.poses)
+        poses = part.steady(target.index, int(timed[seen]))
+        return self._write(character, plan, poses, subject, how, offset, f"{self.title} {subject.name}")
+
+    def copy(self, target: PerformerTarget, part: RecordedPart) -> list[str]:
+        """Write the action of a further character of the first performer, which stays where it stands."""
+        character, subject = target.character(), target.subject
+        if character is None:
+            return []
+        plan = plan_for(character, subject.skeleton)
+        how, name = placement(self.context, character, target.only), f"{self.title} {character.name}"
+        return self._write(character, plan, part.steady(target.index), subject, how, _NO_OFFSET, name)
+
+    def _write(
+        self,
+        character: bpy.types.Object,
+        plan: RetargetPlan,
+        poses: _SteadyPoses,
+        subject: Subject,
+        how: Placement,
+        offset: RigidOffset,
+        name: str,
+    ) -> list[str]:
         if how.only is not None and not how.only & {*plan.bones, *plan.located}:
             return []
-        poses = self.placing.of_performer(part.steady(target.index, int(timed[seen])), subject.skeleton)
+        poses = self.placing.of_performer(poses, subject.skeleton)
         rows, how = _chosen_keys(self.context, poses, how, character, plan)
-        offset = target.offset_into(self.space, CaptureSpace(character, plan), self.motion.poses)
         moved = offset.apply(poses.rotations[rows], poses.root_positions_m[rows])
-        name = f"{self.title} {subject.name}"
         return [write_with_plan(character, poses.frames[rows], *moved, plan, name=name, placement=how)]
 
 

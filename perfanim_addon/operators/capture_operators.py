@@ -5,6 +5,7 @@ import time
 import bpy
 
 from ...core.errors import PerfanimError
+from ...core.retarget.hand_poses import HAND_POSES
 from ..capture.live_capture import LiveCapture, judge_capture, refining_take, running_capture
 from ..capture.tuning import TUNING
 from ..jobs import activity
@@ -17,6 +18,7 @@ from .operator_bases import CheckedOperator, RunningOperator, defect, need, repo
 
 PANEL = "capture"
 _TOO_SHORT = "the test walk was too short to say how good captures will be: walk about for ten seconds"
+_HAND_KEYS = dict(zip(("ONE", "TWO", "THREE", "FOUR", "FIVE"), HAND_POSES, strict=True))
 
 
 class PERFANIM_OT_start_capture(CheckedOperator, bpy.types.Operator):
@@ -49,6 +51,9 @@ class PERFANIM_OT_start_capture(CheckedOperator, bpy.types.Operator):
         if event.type == "ESC" and event.value == "PRESS":
             self._capture.stop()
             return {"RUNNING_MODAL"}
+        if event.type in _HAND_KEYS and event.value == "PRESS" and not event.alt:
+            self._pose_hands(_HAND_KEYS[event.type], "l" if event.shift else "r" if event.ctrl else "lr")
+            return {"RUNNING_MODAL"}
         if event.type != "TIMER":
             return {"PASS_THROUGH"}
         try:
@@ -61,6 +66,12 @@ class PERFANIM_OT_start_capture(CheckedOperator, bpy.types.Operator):
         if self._capture.done:
             return self._finish(context, self._capture.run.error)
         return {"PASS_THROUGH"}
+
+    def _pose_hands(self, name: str, sides: str) -> None:
+        try:
+            self._capture.pose_hands(name, sides)
+        except PerfanimError as error:
+            report_error(self, PANEL, error)
 
     def _show(self, context: bpy.types.Context, posed: bool) -> None:
         """Redraw the statistics once a second, if possible with a new pose, since this redraws the viewport too."""

@@ -10,8 +10,8 @@ from ...core.errors import TakeError, counted
 from ...core.formats.take_file.take_reader import TakeFile, read_take_file, take_name, unused_path
 from .. import take_library
 from ..capture import capture_request
-from ..capture.performer_targets import performer_targets
-from ..capture.write_take import RecordedPart, TakeMotion, filter_take, write_take
+from ..capture.performer_targets import copy_targets, performer_targets
+from ..capture.write_take import RecordedPart, TakeMotion, doubts, filter_take, write_take
 from ..panels.takes_panel import KEY as PANEL
 from ..preferences.property_kinds import HIDDEN, string
 from ..settings.capture_settings import settings
@@ -34,7 +34,9 @@ def take_motion(context: bpy.types.Context, take: TakeFile) -> TakeMotion:
         raise TakeError("has no solved poses", where=take.notes.name, advice="click Solve Again")
     chosen = capture_request.shape(settings(context))
     poses = filter_take(take, chosen, use_stored=context.scene.perfanim_result.filters == "RECORDED")
-    return TakeMotion(performer_targets(context, take.setup.subjects()), take.setup.carried_props(), poses)
+    subjects = take.setup.subjects()
+    copies = copy_targets(context, subjects[0])
+    return TakeMotion(performer_targets(context, subjects), take.setup.carried_props(), poses, copies)
 
 
 def recorded_poses(take: TakeFile, motion: TakeMotion) -> list[ScenePose]:
@@ -53,7 +55,7 @@ def put_on_character(context: bpy.types.Context, path: Path) -> tuple[str, tuple
     part = RecordedPart(poses, start_frame(context))
     name, actions = write_take(context, motion, [part], take.notes.name)
     take_library.mark_played(path, name)
-    text = f"{counted(len(poses), 'frame')} in {', '.join(actions)} on {name}"
+    text = f"{counted(len(poses), 'frame')} in {', '.join(actions)} on {name}{doubts(motion, [part])}"
     unsolved = take.frame_count - len(take.poses)
     text += f"; {counted(unsolved, 'more frame')} without a pose: use Solve Again" * (unsolved > 0)
     return text, tuple(actions)

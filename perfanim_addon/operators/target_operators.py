@@ -14,7 +14,7 @@ from .operator_bases import DialogOperator, UndoOperator, need
 
 
 class PERFANIM_OT_add_target(UndoOperator, bpy.types.Operator):
-    """Capture a prop or another performer besides the first"""
+    """Capture a prop or another performer besides the first, or move another character"""
 
     bl_label = "Add Target"
     panel = PANEL

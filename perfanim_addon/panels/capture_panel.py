@@ -92,6 +92,7 @@ class PERFANIM_PT_capture_settings(SidebarPanel, bpy.types.Panel):
 
     def draw(self, context: bpy.types.Context) -> None:
         chosen = settings(context)
+        self.layout.operator("perfanim.performer_screen", icon="WINDOW")
         column = property_column(self.layout)
         draw_props(column, chosen, "immediate", "smoothing_ms", "feet")
         _draw_flags(column, chosen, "overlay", [name for name, *_ in OVERLAYS])
@@ -101,7 +102,7 @@ class PERFANIM_PT_capture_settings(SidebarPanel, bpy.types.Panel):
         row = column.row(align=True)
         row.prop(chosen, "record_countdown_s")
         row.prop(chosen, "record_sound", text="", icon="OUTLINER_OB_SPEAKER")
-        draw_props(column, chosen, "record_length_s")
+        draw_props(column, chosen, "record_length_s", "record_signal")
         column.prop(chosen.id_data.perfanim_result, "start")
         _draw_flags(column, chosen, "body_parts", PARTS)
         draw_props(column, chosen, "capture_preview", "extend_scene")

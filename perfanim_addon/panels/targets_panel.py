@@ -1,4 +1,4 @@
-"""Additional Targets panel: props and further performers."""
+"""Additional Targets panel: props, further performers and further characters."""
 
 import bpy
 
@@ -21,11 +21,11 @@ class PERFANIM_UL_targets(panel_drawing.RowList, bpy.types.UIList):
         is_prop = item.kind == "PROP"
         split.label(text=target_settings.title(item), icon="EMPTY_AXIS" if is_prop else "USER")
         moved = item.object if is_prop else item.armature
-        split.label(text=moved.name if moved else "new at start")
+        split.label(text=moved.name if moved else "new at start" if item.kind != "CHARACTER" else "none")
 
 
 class PERFANIM_PT_targets(SidebarPanel, bpy.types.Panel):
-    """Panel for props and additional performers."""
+    """Panel for props, additional performers and additional characters."""
 
     bl_label = "Additional Targets"
     bl_options = {"DEFAULT_CLOSED"}
@@ -55,13 +55,14 @@ class PERFANIM_PT_targets(SidebarPanel, bpy.types.Panel):
 
 
 def _draw_fields(layout: bpy.types.UILayout, entry: target_settings.PERFANIM_PG_target, index: int) -> None:
-    layout.row().prop(entry, "kind", expand=True)
+    layout.prop(entry, "kind")
     if entry.kind == "PROP":
         draw_props(layout, entry, "definition", "object")
         layout.operator("perfanim.measure_target", icon="DRIVER_DISTANCE")
         return
-    row = layout.row(align=True)
-    row.prop(entry, "subject")
-    row.operator_menu_enum("perfanim.use_profile", "profile", text="", icon="COMMUNITY").target = index
+    if entry.kind == "PERFORMER":
+        row = layout.row(align=True)
+        row.prop(entry, "subject")
+        row.operator_menu_enum("perfanim.use_profile", "profile", text="", icon="COMMUNITY").target = index
     layout.prop(entry, "armature")
     character_panel.draw_bones(layout, entry.armature, KEY)

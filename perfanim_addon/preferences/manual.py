@@ -18,6 +18,7 @@ _OPERATORS = (
     (f"{_CAPTURE}#markers-and-subject", "record_t_pose average_performer use_profile"),
     ("motion-data.html", "get_motion"),
     (f"{_CAPTURE}#motion-database", "build_database use_starter_database"),
+    (f"{_CAPTURE}#hands", "pose_hands*"),
     (f"{_CAPTURE}#character", "*_character *bone* use_active_armature show_t_pose"),
     (f"{_CAPTURE}#additional-targets", "*_target"),
     ("batch.html", "*batch*"),

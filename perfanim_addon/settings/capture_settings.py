@@ -6,6 +6,7 @@ from typing import Any
 import bpy
 
 from ...core.markers.marker_set import marker_set_names
+from ...core.session.gestures import Gesture
 from ...core.subjects.setup_check.finding import Fault
 from ..character.retarget_plans import fill_map
 from ..jobs import activity
@@ -52,6 +53,11 @@ BODY_PARTS = (
     ("LEG_R", "Leg R", "Right leg and foot", 64),
 )
 
+_SIGNALS = (
+    ("NONE", "Button or Key", "Buttons, or Ctrl Shift R"),
+    (Gesture.RAISED_HAND.name, "Raised Hand", "Also one hand raised above the head for a second, the other hanging"),
+    (Gesture.CLAPS.name, "Two Claps", "Also two claps within a second"),
+)
 OVERLAYS = (
     (
         "MARKERS",
@@ -295,6 +301,7 @@ class PERFANIM_PG_settings(bpy.types.PropertyGroup):
         subtype="TIME_ABSOLUTE",
     )
     record_sound: switch("Sound", "Beep every second of the countdown, and higher at its end", default=True)
+    record_signal: choice("Signal", "Signal of the performer that starts or stops the recording", _SIGNALS, "NONE")
     record_length_s: bpy.props.FloatProperty(
         name="Stop After",
         description="Length of the recording, after which the capture stops. 0 for no limit",
@@ -335,6 +342,11 @@ class PERFANIM_PG_settings(bpy.types.PropertyGroup):
         options={"ENUM_FLAG"},
     )
     extend_scene: switch("Extend Scene", "Extend the scene if the recording is longer", default=True)
+
+
+def chosen_gesture(chosen: PERFANIM_PG_settings) -> Gesture | None:
+    """Return the performer's signal for starting and stopping, or None."""
+    return None if chosen.record_signal == "NONE" else Gesture[chosen.record_signal]
 
 
 def settings(context: bpy.types.Context) -> PERFANIM_PG_settings:

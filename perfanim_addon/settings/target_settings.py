@@ -23,11 +23,12 @@ SIMULATED_HEIGHT_M = 1.75
 _KINDS = (
     ("PROP", "Prop", "Rigid object with its own markers, such as a sword, a stick or a camera"),
     ("PERFORMER", "Performer", "Another performer with another character"),
+    ("CHARACTER", "Character", "Another character that the first performer moves, too"),
 )
 
 
 class PERFANIM_PG_target(bpy.types.PropertyGroup):
-    """A prop with its object, or a further performer with a character."""
+    """A prop with its object, a further performer with a character, or a further character."""
 
     kind: choice("Kind", "Kind of target", _KINDS)
     definition: file_path("Definition", "Measured prop (TOML); empty for the simulated performer's sword")
@@ -38,7 +39,7 @@ class PERFANIM_PG_target(bpy.types.PropertyGroup):
         poll=lambda _self, candidate: candidate.type != "ARMATURE",
     )
     subject: file_path("Subject", "Calibrated performer (TOML); empty for another simulated performer")
-    armature: armature_pointer("Armature that follows this performer; empty adds a new character at the start")
+    armature: armature_pointer("Armature that follows the performer; empty adds a new character for another performer")
 
 
 class PERFANIM_PG_targets(bpy.types.PropertyGroup):
@@ -78,6 +79,8 @@ def subject_of(entry: PERFANIM_PG_target) -> Subject:
 
 def title(entry: PERFANIM_PG_target) -> str:
     """Return the title of a target in the list."""
+    if entry.kind == "CHARACTER":
+        return "Character"
     if entry.kind == "PERFORMER":
         subject = readiness.found(subject_of, entry)
         return subject.name if subject is not None else Path(entry.subject).stem or "Performer"
@@ -124,9 +127,26 @@ def performers(scene: bpy.types.Scene) -> list[Subject]:
     Raises:
         PerfanimError: A performer is not calibrated, a character cannot be driven, or there is only one camera.
     """
-    found, driven = [], {scene.perfanim.armature} - {None}
-    for entry in of_kind(scene, "PERFORMER"):
-        found.append(subject_of(entry))
+    found = [subject_of(entry) for entry in of_kind(scene, "PERFORMER")]
+    _check_characters(scene)
+    if found and readiness.follows_person(scene.perfanim):
+        advice = "remove the additional performers, or follow markers"
+        raise SettingsError("without markers only one person is followed", advice=advice)
+    if found and (readiness.is_one_camera(scene.perfanim) or not readiness.has_cameras(scene.perfanim)):
+        what = "one camera cannot" if readiness.has_cameras(scene.perfanim) else "trackers cannot"
+        raise SettingsError(f"{what} tell several performers apart", advice="use two cameras")
+    return found
+
+
+def _check_characters(scene: bpy.types.Scene) -> None:
+    driven = {scene.perfanim.armature} - {None}
+    for entry in scene.perfanim_targets.entries:
+        if entry.kind == "PROP":
+            continue
+        if entry.armature is None and entry.kind == "CHARACTER":
+            raise CharacterError(
+                "a further character is not chosen", advice="choose its armature, or remove the target"
+            )
         if entry.armature in driven:
             advice = "choose another under Additional Targets, or none for a new character"
             raise CharacterError("cannot follow two performers", where=entry.armature.name, advice=advice)
@@ -135,13 +155,6 @@ def performers(scene: bpy.types.Scene) -> list[Subject]:
             reason = map_problem(entry.armature)
             if reason:
                 raise CharacterError(reason, where=entry.armature.name)
-    if found and readiness.follows_person(scene.perfanim):
-        advice = "remove the additional performers, or follow markers"
-        raise SettingsError("without markers only one person is followed", advice=advice)
-    if found and (readiness.is_one_camera(scene.perfanim) or not readiness.has_cameras(scene.perfanim)):
-        what = "one camera cannot" if readiness.has_cameras(scene.perfanim) else "trackers cannot"
-        raise SettingsError(f"{what} tell several performers apart", advice="use two cameras")
-    return found
 
 
 def object_of(context: bpy.types.Context, prop: Prop) -> str:

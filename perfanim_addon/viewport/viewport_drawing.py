@@ -32,10 +32,14 @@ STYLE = Style()
 
 
 class DrawHandler:
-    """Function that draws over all 3D viewports while it is added."""
+    """Function that draws over all 3D viewports, or other editors, while it is added.
 
-    def __init__(self, draw: Callable[[], None]) -> None:
-        self._draw = draw
+    Args:
+        space: Name of the editor's type in `bpy.types`.
+    """
+
+    def __init__(self, draw: Callable[[], None], space: str = "SpaceView3D") -> None:
+        self._draw, self._space = draw, space
         self._handle: Any = None
 
     @property
@@ -46,13 +50,13 @@ class DrawHandler:
     def add(self) -> None:
         """Add the function, unless it is added already."""
         if not self.added:
-            self._handle = bpy.types.SpaceView3D.draw_handler_add(self._draw, (), "WINDOW", "POST_PIXEL")
+            self._handle = getattr(bpy.types, self._space).draw_handler_add(self._draw, (), "WINDOW", "POST_PIXEL")
 
     def remove(self) -> bool:
         """Remove the function; return whether it was added."""
         was_added = self.added
         if was_added:
-            bpy.types.SpaceView3D.draw_handler_remove(self._handle, "WINDOW")
+            getattr(bpy.types, self._space).draw_handler_remove(self._handle, "WINDOW")
             self._handle = None
         return was_added
 

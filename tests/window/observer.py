@@ -47,6 +47,7 @@ def report():
         "armature": obj.name if obj else "",
         "actions": observer_state.actions(),
         "frame_end": bpy.context.scene.frame_end,
+        "windows": len(bpy.context.window_manager.windows),
     }
     temporary = FOLDER / "state.new"
     temporary.write_text(json.dumps(state))

@@ -73,6 +73,23 @@ def order_drop(order):
     return {}
 
 
+def order_click(order):
+    """Invoke an operator as a button does, which goes on by itself."""
+    window = bpy.context.window_manager.windows[0]
+    area = next(area for area in window.screen.areas if area.type == "VIEW_3D")
+    with bpy.context.temp_override(window=window, area=area):
+        getattr(bpy.ops.perfanim, order["operator"])("INVOKE_DEFAULT")
+    return {}
+
+
+def order_targets(order):
+    """Set the kinds of the additional targets, and the armature of further characters."""
+    for entry, kind in zip(bpy.context.scene.perfanim_targets.entries, order["kinds"], strict=True):
+        entry.kind = kind
+        entry.armature = bpy.data.objects[order["armature"]] if kind == "CHARACTER" else None
+    return {}
+
+
 def order_draw_text(order):
     """Draw a text as buttons show it, and keep its pixels (height, width) in a file."""
     preferences = bpy.context.preferences
@@ -212,6 +229,8 @@ ORDERS = {
     "preference": order_preference,
     "get": order_get,
     "call": order_call,
+    "click": order_click,
+    "targets": order_targets,
     "draw_text": order_draw_text,
     "drop": order_drop,
     "armatures": order_armatures,

@@ -40,6 +40,7 @@ class SimulatedPerformer:
     cameras: Annotated[int, About("number of cameras", "", 1, 8)] = 2
     fps: Annotated[float, About("frame rate", "frames per second", 0.1, 1000.0)] = 60.0
     live: Annotated[bool, About("whether frames come in real time, and late ones are dropped")] = False
+    at_once: Annotated[bool, About("whether the performer moves at once, without a T pose")] = False
     loop: Annotated[bool | None, About("whether the performance repeats; by default if it is live")] = None
     poses: Annotated[tuple[str, ...], About("calibration poses held before the behaviour")] = ()
     held_s: Annotated[float, About("duration of each pose", "s")] = 2.0

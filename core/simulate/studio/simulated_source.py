@@ -172,10 +172,10 @@ def studio_settings(table: Mapping[str, Any]) -> StudioSettings:
 
 
 def _motion(asked: SimulatedPerformer) -> Motion:
-    """Return the motion: the T pose, then the behaviour."""
+    """Return the motion: the T pose, if wanted, then the behaviour."""
     seconds = None if asked.seconds is None else asked.seconds + STAGE.around_s
     height_m = asked.height_m
     if height_m is None and asked.behaviour != DEMO:
         height_m = DEFAULT_HEIGHT_M
     skeleton = None if height_m is None else default_skeleton(height_m)
-    return performance(asked.behaviour, seconds, asked.fps, skeleton, asked.mirrored)
+    return performance(asked.behaviour, seconds, asked.fps, skeleton, asked.mirrored, asked.at_once)

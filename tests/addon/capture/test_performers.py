@@ -335,7 +335,7 @@ def test_two_before_the_cameras_live_and_solved_again(
     chosen.database, chosen.behaviour = str(tmp_path / "two.pfdb"), "kendo"
     chosen.feet = "off"  # shown as the take has it
     targets.entries.add().kind = "PERFORMER"
-    source = {"behaviour": "kendo", "height_m": 1.75, "partners": [{"behaviour": "boxing"}]}
+    source = {"behaviour": "kendo", "height_m": 1.75, "at_once": True, "partners": [{"behaviour": "boxing"}]}
     truth = [one.motion for one in open_simulated(source).performance.everybody]
     with closing(new_capture()) as capture:
         tick_poses(capture, 20)
@@ -355,6 +355,6 @@ def test_two_before_the_cameras_live_and_solved_again(
     given = {"database": "CHOSEN", "performer": "RECORDED", "cameras": "RECORDED", "put_on": True}
     operator = part("operators.solve_takes").PERFANIM_OT_solve_take
     text = run_job(part, operator, SimpleNamespace(path=str(take.path), method="nearest", **given))
-    name = f"{take.notes.name} (nearest)"
+    name = f"{take.notes.name.replace('.', ':')} (nearest)"
     assert text.startswith(f"{len(poses)} frames in {name}, {name} Performer 2 on ")
     assert part("take_library").listed()[0].performers[1:] == ("Performer 2",)

@@ -104,7 +104,7 @@ def test_a_sword_is_in_the_characters_hand_live_and_in_the_action(
     scene.render.fps, scene.frame_current = 60, 5
     chosen.behaviour = "kendo"
     targets.entries.add()
-    source = open_simulated({"behaviour": "kendo", "height_m": 1.75, "seconds": 60.0, "prop": "sword"})
+    source = open_simulated({"behaviour": "kendo", "height_m": 1.75, "at_once": True, "seconds": 60.0, "prop": "sword"})
     turns, places = held_poses(load_prop("sword"), source.motion)
     with closing(new_capture()) as capture:
         tick_poses(capture, POSES)
@@ -139,6 +139,26 @@ def test_a_sword_is_in_the_characters_hand_live_and_in_the_action(
     wanted = expected_matrix(part, character, turns[middle.number], places[middle.number])
     assert (cube.matrix_world.translation - wanted.translation).length < 2 * PLACE_M
     assert tuple(cube.scale) == (1.0, 1.0, 1.0)
+
+
+@pytest.mark.long
+def test_a_second_performer_and_a_sword_are_found_from_the_start(
+    part: Any, chosen: Any, targets: Any, new_capture: Any, tmp_path: Path
+) -> None:
+    """Beside a second performer, the sword in a hand of a T pose would reach out of the picture."""
+    clips = [str(path) for name in ("boxing", "walking") for path in MOTION.glob(f"{name}-0[12]-*.bvh")]
+    build_database(clips, tmp_path / "two.pfdb", BuildSettings(fps=10.0))
+    chosen.database, chosen.behaviour = str(tmp_path / "two.pfdb"), "demo"
+    targets.entries.add()
+    targets.entries.add().kind = "PERFORMER"
+    with closing(new_capture()) as capture:
+        tick_poses(capture, POSES)
+        text = stop_and_keep(capture)
+    poses = capture.run.poses
+    assert sum(pose.props[0].found for pose in poses) >= 0.9 * len(poses)
+    assert all(np.sum(body.seen) >= 7 for pose in poses for body in pose.performers)  # of nine markers
+    assert "in Capture, Capture sword, Capture Performer 2: " in text
+    assert "never found" not in text
 
 
 def test_an_objects_own_action_is_given_back_when_nothing_is_kept(

@@ -13,7 +13,7 @@ from perfanim.core.solver.settings import SolveSettings
 
 LEFT_HAND = 4
 KNOWN = np.arange(8)
-ARM = list(PARTS).index("left arm")
+ARM, HAND = (list(PARTS).index(part) for part in ("left arm", "left hand"))
 
 
 @pytest.fixture(scope="module")
@@ -60,7 +60,7 @@ def test_a_hidden_hand_makes_its_arm_uncertain(poses):
     whole, without = (np.array([pose.part_errors_deg for pose in performed]) for performed in poses)
     grown = np.median(without / whole, axis=0)
     assert int(np.argmax(grown)) == ARM
-    assert grown[ARM] > 1.3 * np.delete(grown, ARM).max()
+    assert grown[ARM] > 1.3 * np.delete(grown, [ARM, HAND]).max()
 
 
 def test_notes_name_uncertain_parts_and_reasons(poses, model):
@@ -76,6 +76,9 @@ def test_notes_name_uncertain_parts_and_reasons(poses, model):
         "left arm uncertain: its marker does not fit",
         "left arm uncertain: its motion is not in the database",
     ]
+    for cameras, text in ((1, "the camera"), (2, "both cameras"), (4, "all cameras")):
+        (note,) = PartErrors(model, cameras).notes(replace(without, confidence=0.9, part_errors_deg=arm))
+        assert note.text == f"left arm uncertain: its marker is hidden from {text}"
     assert errors.notes(replace(without, confidence=0.1, part_errors_deg=arm)) == []  # all of it is
     assert errors.notes(replace(without, confidence=0.9, part_errors_deg=DOUBTFUL_PART_DEG)) == []
 

@@ -9,6 +9,14 @@ from perfanim.core.geometry import rotations as rot
 from perfanim.core.simulate.shipped_performance import BEHAVIOURS, DEMO, T_POSE_S, load_performance, performance
 
 
+def test_a_performer_who_moves_at_once_has_no_t_pose() -> None:
+    whole, start = load_performance("boxing")
+    for seconds in (None, 8.0):
+        motion = performance("boxing", seconds, at_once=True)
+        np.testing.assert_allclose(motion.root_positions_m[0], whole.root_positions_m[start], atol=1e-6)
+        assert motion.frames == (481 if seconds else whole.frames - start)
+
+
 @pytest.mark.parametrize("behaviour", [DEMO, *BEHAVIOURS])
 def test_it_stands_in_the_t_pose_first(behaviour):
     motion, start = load_performance(behaviour)
