@@ -29,7 +29,8 @@ def calibrate_by_walking(
     """Calibrate two or more cameras by a person who walks about, and return them with their accuracy.
 
     Args:
-        sources: Videos, or folders or patterns of images, by camera name; their images were taken at the same moments.
+        sources: Videos, or folders or patterns of images, by camera name. Videos that were not started together are
+            synchronised by the person's motion; images were taken at the same moments.
         height_m: Height of the person, 1 to 2.5 m; None for that of an average adult.
         lenses: Calibration whose lenses the cameras of the same names have; unknown lenses are estimated.
         network: File of a body network; by default the one that `get_body_network` brought.
@@ -43,15 +44,19 @@ def calibrate_by_walking(
     from ..vision.calibration.calibrate_moving import calibrate_with_person  # OpenCV is slow to load
     from ..vision.people.body_network import BlazePose
     from ..vision.people.people_pipeline import PeoplePipeline
+    from ..vision.people.person_clocks import synchronise_person
 
     found = BlazePose(network or body_network_file())
 
     def detect(rig: CameraRig, source: Any) -> "list[MarkerFrame]":
         return _frames(PeoplePipeline(rig, [found] * len(rig)), source, progress)
 
-    cameras, is_free, frames = _detected(sources, lenses, detect)
-    progress(0.9, "calibrating")
-    return calibrate_with_person(cameras, is_free, frames, load_marker_set(found.marker_set), height_m)
+    points = load_marker_set(found.marker_set)
+    cameras, is_free, frames = _detected(sources, lenses, detect, together=False)
+    progress(0.9, "synchronising the recordings")
+    frames, _ = synchronise_person(cameras, frames, points, placed=False)
+    progress(0.95, "calibrating")
+    return calibrate_with_person(cameras, is_free, frames, points, height_m)
 
 
 def calibrate_by_marker(
@@ -102,7 +107,7 @@ def _frames(pipeline: Any, source: Any, progress: Progress) -> "list[MarkerFrame
 
 
 def _detected(
-    sources: Mapping[str, Path | str], lenses: CameraRig | None, detect: Any
+    sources: Mapping[str, Path | str], lenses: CameraRig | None, detect: Any, *, together: bool = True
 ) -> "tuple[Sequence[Camera], Mask, list[MarkerFrame]]":
     """Return the cameras with their lenses, which lenses are unknown, and what `detect` finds in their images."""
     from ..vision.calibration.moving_fit import usual_camera
@@ -111,7 +116,7 @@ def _detected(
     if len(sources) < 2:
         what = f"two cameras at least are needed, not {len(sources)}"
         raise SettingsError(what, advice="calibrate a single camera with the board")
-    with closing(open_image_source(*sources.values())) as source:
+    with closing(open_image_source(*sources.values(), together=together)) as source:
         if int(getattr(source, "frames", 0)) <= 0:
             raise SettingsError("live cameras are not recorded here", advice="give videos or folders of images")
         sizes = [(image.shape[1], image.shape[0]) for image in next(iter(source)).images]

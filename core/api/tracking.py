@@ -19,6 +19,7 @@ from ..formats.take_file.take_writer import record_frames
 from ..formats.take_file.whole_take import write_whole_take
 from ..geometry.camera import CameraRig
 from ..geometry.rig_file import save_rig
+from ..labelling.human_size import has_human_shape
 from ..labelling.trajectory_linking import track_markers
 from ..labelling.trajectory_naming import match_trajectories, name_trajectories
 from ..markers.floor_from_feet import floor_points, to_rig_world
@@ -37,6 +38,7 @@ from ..vision.calibration.rig_on_floor import rig_on_floor
 from ..vision.detection.blob_detector import DetectionSettings
 from ..vision.people.body_network import BlazePose
 from ..vision.people.people_pipeline import PeoplePipeline
+from ..vision.people.person_clocks import synchronise_person
 from ..vision.pipeline import MarkerPipeline
 from ..vision.sources.source_kinds import open_image_source
 from ..vision.tracked_take import image_take, labelled_rms_px, labelled_take, relocate, synchronise_frames
@@ -47,6 +49,7 @@ _LATER = "none: solving the take labels the markers"
 _NETWORKS = "those of the body network"
 GUESSED = "labels are guessed without a body; name the performer and a motion database"
 """Warning about trajectories; it does not apply to a take whose body is fitted next."""
+_NO_PERSON = "what the network found does not have the shape of a person: it also finds people in animals and things"
 
 
 @dataclass(frozen=True)
@@ -145,7 +148,12 @@ def track(request: TrackRequest, progress: Progress = no_progress) -> Facts:
     """
     spent_s: list[float] = []
     with closing(
-        open_image_source(*request.sources, fps=request.fps, size=request.rig.cameras[0].image_size)
+        open_image_source(
+            *request.sources,
+            fps=request.fps,
+            size=request.rig.cameras[0].image_size,
+            together=not (request.people and request.time_offsets),
+        )
     ) as source:
         pipeline = _people(request) if request.people else _pipeline(request, source, progress)
         frames = _detect(request, pipeline, source, spent_s, progress)
@@ -213,7 +221,7 @@ def _record(request: TrackRequest, frames: Iterator[MarkerFrame], *, keep_cut: b
         moved, facts = _synchronise(request, take.frames)
         if request.people or facts.get("time_offsets_applied"):
             stamps_s = [stamp_s for stamp_s, _ in take.stamped_frames]
-            write_whole_take(written, setup, take.notes, list(zip(stamps_s, moved, strict=True)), [])
+            write_whole_take(written, setup, take.notes, list(zip(stamps_s[: len(moved)], moved, strict=True)), [])
         with atomic_path(request.out) as temporary:
             written.replace(temporary)
     finally:
@@ -228,18 +236,23 @@ def _record(request: TrackRequest, frames: Iterator[MarkerFrame], *, keep_cut: b
 def _synchronise(request: TrackRequest, frames: Sequence[MarkerFrame]) -> tuple[Sequence[MarkerFrame], Facts]:
     """Return the frames with the blobs of all cameras moved to one time, and figures about them.
 
-    Frames of a person are located again instead, with what the whole take tells about left and right.
+    Frames of a person are located again, too, with what the whole take tells about left and right.
     """
     aligned: Facts = {}
-    if request.people:
-        frames = relocate(request.rig, frames)
-    elif len(request.rig) > 1 and request.time_offsets:
-        frames, offsets = synchronise_frames(request.rig, frames)
+    if len(request.rig) > 1 and request.time_offsets:
+        if request.people:
+            frames, offsets = synchronise_person(request.rig.cameras, frames, request.points, placed=True)
+            applied = any(offset.is_found for offset in offsets[1:])
+        else:
+            frames, offsets = synchronise_frames(request.rig, frames)
+            applied = any(offset.is_certain for offset in offsets)
         aligned = {
             "time_offsets_ms": [1e3 * offset.offset_s if offset.is_found else None for offset in offsets],
             "time_offset_sigmas_ms": [1e3 * offset.sigma_s if offset.is_found else None for offset in offsets],
-            "time_offsets_applied": any(offset.is_certain for offset in offsets),
+            "time_offsets_applied": applied,
         }
+    if request.people:
+        frames = relocate(request.rig, frames)
     return frames, _frame_facts(request, frames) | aligned
 
 
@@ -249,7 +262,7 @@ def _write_trajectories(request: TrackRequest, seen: Sequence[MarkerFrame], fps:
     progress(0.6, "labelling")
     if request.people:
         take = labelled_take(frames, request.points.names, request.name, fps, request.rig)
-        found["labels"] = _NETWORKS
+        found |= {"labels": _NETWORKS, "warnings": [] if has_human_shape(take, request.points) else [_NO_PERSON]}
     elif len(request.rig) == 1 and request.database is None:
         take = image_take(frames, request.rig, request.name, fps)
     else:
@@ -344,7 +357,14 @@ def _frame_facts(request: TrackRequest, frames: Sequence[MarkerFrame]) -> Facts:
     shown = np.sort(rays if len(rig) == 1 else points)[::-1]
     if not shown.any():
         if request.people:
-            raise TakeError("nobody was found", advice="check the light, and that the images show the whole body")
+            advice = "check the light, and that the images show the whole body"
+            empty = [
+                camera.name
+                for index, camera in enumerate(rig.cameras)
+                if not any(len(f.detected[index]) for f in frames)
+            ]
+            where = f" in the images of {' and '.join(empty)}" if empty else " by two cameras at the same time"
+            raise TakeError("nobody was found" + where, advice=advice)
         advice = "check the threshold, the cameras' order and the calibration"
         raise TakeError("no markers were found", advice=advice)
     worn = worn or max(int(shown[int(_SETTINGS.worn_share * len(shown))]), 1)

@@ -9,7 +9,7 @@ from ..body.body_size import HUMAN, stature_m
 from ..body.calibration_poses import standing
 from ..body.standard_skeleton import DEFAULT_HEIGHT_M, JOINT_NAMES, default_skeleton
 from ..errors import TakeError
-from ..geometry.arrays import Array
+from ..geometry.arrays import Array, Mask
 from ..markers.marker_set import Marker, MarkerSet
 from ..markers.marker_take import MarkerTake
 
@@ -22,6 +22,8 @@ class HumanSizeSettings:
     # median deviation of the log ratios of distances to those of the default body above which the distances contradict
     # each other: at most 0.23 in takes from eight systems, 0.55 where a hand has the elbow's label
     contradiction: float = 0.35
+    # the same from which a body network's points are not a person's: 0.04 of a man in four cameras
+    shape: float = 0.2
     shortest_pair_m: float = 0.2  # distance on the default body below which a pair of markers is not used
     largest: float = 95.0  # percentile of a distance over time that represents its largest value
     # largest log ratio, positive or negative, of a standing performer's height to the default
@@ -84,23 +86,46 @@ def likely_height_m(take: MarkerTake, marker_set: MarkerSet) -> float:
         take: Take with the marker names of the set.
     """
     worn = _worn(take, marker_set)
-    own = np.array([JOINT_NAMES.index(marker.joint) for marker in worn], dtype=np.int64)
-    above = default_skeleton().parents[own]
     first, second = np.triu_indices(len(worn), 1)
-    is_near = (own[first] == own[second]) | (above[first] == own[second]) | (own[first] == above[second])
     high = np.array([marker.torso or marker.joint == "head" for marker in worn], dtype=bool)
     low = np.array([marker.joint[1:] in _FEET for marker in worn], dtype=bool)
     apart_m, most_m, usual_m = _distances(take, marker_set, worn)
     known = (usual_m > _S.shortest_pair_m) & np.isfinite(apart_m)
-    on_limbs = known & is_near & ~(high[first] & high[second])
+    on_limbs = known & _on_near_bones(worn) & ~(high[first] & high[second])
     standing_up = known & ((high[first] & low[second]) | (low[first] & high[second]))
     logs = np.log(np.maximum(apart_m[on_limbs], 1e-9) / usual_m[on_limbs])
-    if len(logs) >= _S.fewest_pairs and np.median(np.abs(logs - np.median(logs))) < _S.contradiction:
+    if len(logs) >= _S.fewest_pairs and _spread(logs) < _S.contradiction:
         ratio = float(np.exp(np.median(logs)))
     else:
         ratio = float(np.median(most_m[standing_up] / usual_m[standing_up])) if standing_up.any() else 1.0
         ratio = ratio if abs(np.log(ratio)) < _S.standing_range else 1.0
     return float(np.clip(DEFAULT_HEIGHT_M * ratio, HUMAN.shortest_m, HUMAN.tallest_m))
+
+
+def has_human_shape(take: MarkerTake, marker_set: MarkerSet) -> bool:
+    """Return whether the distances between markers of one bone or two neighbouring ones are those of a person.
+
+    Args:
+        take: Take with the marker names of the set.
+    """
+    worn = _worn(take, marker_set)
+    apart_m, _, usual_m = _distances(take, marker_set, worn)
+    known = (usual_m > _S.shortest_pair_m) & np.isfinite(apart_m) & _on_near_bones(worn)
+    logs = np.log(np.maximum(apart_m[known], 1e-9) / usual_m[known])
+    return len(logs) < _S.fewest_pairs or _spread(logs) < _S.shape
+
+
+def _on_near_bones(worn: Sequence[Marker]) -> Mask:
+    """Return which pairs of markers are on the same or on neighbouring bones."""
+    own = np.array([JOINT_NAMES.index(marker.joint) for marker in worn], dtype=np.int64)
+    above = default_skeleton().parents[own]
+    first, second = np.triu_indices(len(worn), 1)
+    return np.asarray((own[first] == own[second]) | (above[first] == own[second]) | (own[first] == above[second]))
+
+
+def _spread(logs: Array) -> float:
+    """Return the median deviation of values."""
+    return float(np.median(np.abs(logs - np.median(logs))))
 
 
 def _scale(take: MarkerTake, marker_set: MarkerSet) -> float:

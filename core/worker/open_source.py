@@ -41,7 +41,7 @@ def open_source(asked: SourceRequest | Table, newest: bool = False) -> ImageSour
 
         return open_simulated(asked)
     if isinstance(asked, VideoFiles):
-        return open_videos(asked.paths, asked.fps)
+        return open_videos(asked.paths, asked.fps, asked.starts_s)
     if isinstance(asked, LiveCameras):
         held = 1 if newest else SOURCES.held
         return CameraSource(asked.devices, asked.size, asked.fps, asked.controls, held)

@@ -37,6 +37,7 @@ class WorkerSettings:
     spread_images: int = 40  # the same for a recording that always shows the performer: spread over its length
     frames_ahead: int = 2  # frames that wait for the solver, from sources that can wait
     person_tries: int = 4  # crops in which a person is searched in each picture; more would delay the frames
+    compared_s: float = 0.06  # time between the pictures of a video that synchronise it with others
     preview_px: int = 320  # width of one camera's picture
     preview_s: float = 0.2  # interval between two previews
     taken_s: float = 0.6  # time for which a preview shows that a view of the board was taken

@@ -122,7 +122,7 @@ def add_body(
     mesh = bpy.data.meshes.new(armature_object.name + " body")
     mesh.from_pydata(axes.points_to_blender(body.vertices_m).tolist(), [], body.faces.tolist())
     for name in body.material_names:
-        mesh.materials.append(_material(name))
+        mesh.materials.append(character_material(name))
     mesh.polygons.foreach_set("material_index", body.materials.astype(np.int32))
     mesh.polygons.foreach_set("use_smooth", np.ones(len(body.faces), dtype=bool))
     mesh.update()
@@ -144,7 +144,7 @@ def _add_groups(obj: bpy.types.Object, skeleton: Skeleton, weights: Array) -> No
             group.add([int(vertex)], float(kept[vertex, joint]), "REPLACE")
 
 
-def _material(name: str) -> bpy.types.Material:
+def character_material(name: str) -> bpy.types.Material:
     """Return the character material with a name, shared by all characters."""
     full_name = f"Performer {name}"
     return bpy.data.materials.get(full_name) or new_material(full_name, *_MATERIALS[name])

@@ -1,7 +1,10 @@
 """A performer's keypoints as a body network would find them in the pictures of cameras."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
+import cv2
 import numpy as np
 from perfanim.core.body.motion import Motion
 from perfanim.core.geometry.arrays import Array, Image
@@ -70,3 +73,17 @@ def networks(rig: CameraRig, points_m: Array, noise_px: float = 0.0, seed: int =
         })
         for c, camera in enumerate(rig.cameras)
     ]  # fmt: skip
+
+
+def write_film(path: Path, numbers: Sequence[int], fps: float = 30.0, size: tuple[int, int] = (640, 480)) -> Path:
+    """Write a video, without loss, of the pictures with these numbers."""
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter_fourcc(*"FFV1"), fps, size)
+    for number in numbers:
+        writer.write(picture(number, *size))
+    writer.release()
+    return path
+
+
+def one_network(rig: CameraRig, points_m: Array) -> FakeNetwork:
+    """Return a network that finds the points (F, K, 3) in the pictures of all cameras (see `moments`)."""
+    return FakeNetwork({number: row for each in networks(rig, points_m) for number, row in each.pixels.items()})

@@ -75,6 +75,12 @@ def truth(embedded_motion: dict[str, Motion]) -> Motion:
 
 
 @pytest.fixture(scope="session")
+def boxing(embedded_motion: dict[str, Motion]) -> Motion:
+    """A clip of a boxer."""
+    return next(motion for name, motion in embedded_motion.items() if name.startswith("boxing"))
+
+
+@pytest.fixture(scope="session")
 def subject(truth: Motion) -> Subject:
     """The person of that clip with the eight markers of locomotion."""
     return Subject("walker", truth.skeleton, load_marker_set("locomotion"))

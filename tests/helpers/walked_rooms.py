@@ -53,16 +53,18 @@ def height_m(motion: Motion) -> float:
     return DEFAULT_HEIGHT_M * girth_scale(motion.skeleton)
 
 
-def walk(motion: Motion, seconds: float, seed: int = 0) -> Array:
+def walk(motion: Motion, seconds: float, seed: int = 0, fps: float = FPS) -> Array:
     """Return the true points (F, K, 3) of a person with offsets of their own, around the middle of the room."""
     points = POINTS.with_offsets(POINTS.offsets_m + own_offsets(len(POINTS), np.random.default_rng(seed)))
-    step = max(1, round(motion.fps / FPS))
-    found = simulate_markers(motion, points)[0].positions_m[::step][: round(seconds * FPS)]
+    step = max(1, round(motion.fps / fps))
+    found = simulate_markers(motion, points)[0].positions_m[::step][: round(seconds * fps)]
     middle = 0.5 * (found.min(axis=(0, 1)) + found.max(axis=(0, 1)))
     return found - middle * [1.0, 0.0, 1.0]
 
 
-def person_frames(cameras: list[Camera], points_m: Array, seed: int = 0, late: dict[int, int] | None = None):
+def person_frames(
+    cameras: list[Camera], points_m: Array, seed: int = 0, late: dict[int, int] | None = None, fps: float = FPS
+) -> list[MarkerFrame]:
     """Return what a body network finds: errors of each camera's own, missing points, exchanged sides in one camera.
 
     Args:
@@ -73,7 +75,7 @@ def person_frames(cameras: list[Camera], points_m: Array, seed: int = 0, late: d
     table = []
     for number, camera in enumerate(cameras):
         true = points_m[np.maximum(np.arange(frames) - (late or {}).get(number, 0), 0)]
-        seen = true + keypoint_errors(frames, count, FPS, random, ERRORS)
+        seen = true + keypoint_errors(frames, count, fps, random, ERRORS)
         rows = np.zeros((frames, count, 5), dtype=np.float32)
         rows[..., :2] = np.nan_to_num(camera.project(seen))
         depth_m = np.median(camera.to_camera(true)[..., 2], axis=1)
@@ -83,10 +85,40 @@ def person_frames(cameras: list[Camera], points_m: Array, seed: int = 0, late: d
             exchanged = np.zeros(frames, dtype=bool)
             while exchanged.mean() < EXCHANGED:
                 start = int(random.integers(frames))
-                exchanged[start : start + 1 + int(random.exponential(0.3 * FPS))] = True
+                exchanged[start : start + 1 + int(random.exponential(0.3 * fps))] = True
             rows[exchanged] = rows[exchanged][:, np.where(OTHERS >= 0, OTHERS, np.arange(count))]
         table.append(rows)
-    return [MarkerFrame(n, n / FPS, blobs=tuple(rows[n] for rows in table)) for n in range(frames)]
+    return [MarkerFrame(n, n / fps, blobs=tuple(rows[n] for rows in table)) for n in range(frames)]
+
+
+def film_frames(
+    camera: Camera, number: int, points_m: Array, fps: float, start_s: float, film_fps: float, seed: int | None
+) -> list[MarkerFrame]:
+    """Return what a body network finds in a film by camera `number` of two, with times from the film's own start.
+
+    Args:
+        points_m: True points (F, K, 3), `fps` a second, of which the film shows those from `start_s` on.
+        seed: Seed of the errors; None for exact points.
+    """
+    times_s = np.arange(start_s, (len(points_m) - 2) / fps, 1.0 / film_fps)
+    before = np.floor(times_s * fps).astype(int)
+    share = (times_s * fps - before)[:, None, None]
+    shown = (1.0 - share) * points_m[before] + share * points_m[before + 1]
+    if seed is None:
+        rows = np.full((len(shown), len(POINTS), 5), (0.0, 0.0, 5.0, 255.0, 0.0), dtype=np.float32)
+        rows[..., :2] = camera.project(shown)
+    else:
+        rows = np.array([frame.blobs[0] for frame in person_frames([camera], shown, seed, fps=film_fps)])
+    nobody = np.empty((0, 5), dtype=np.float32)
+    return [
+        MarkerFrame(
+            n,
+            n / film_fps,
+            blobs=(row, nobody) if number == 0 else (nobody, row),
+            camera_times_s=np.where(np.arange(2) == number, n / film_fps, np.nan),
+        )
+        for n, row in enumerate(rows)
+    ]
 
 
 def waved(seconds: float, seed: int, markers: int = 1, length_m: float = 0.5) -> Array:

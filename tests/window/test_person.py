@@ -1,16 +1,29 @@
 """A person without markers: the guide from two films to a character that moves, with the mouse."""
 
 import shutil
+import zipfile
 from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
 import pytest
 from desktop import BlenderWindow, Desktop
 from perfanim.core.geometry.camera import CameraRig
 from perfanim.core.geometry.rig_file import load_rig, save_rig
 from perfanim.core.vision.people.network_file import body_network_file
-from sidebar_steps import CAPTURED, GUIDED_S, opened, press, received
+from sidebar_steps import (
+    CAPTURED,
+    GUIDED_S,
+    armatures,
+    import_character,
+    joints,
+    opened,
+    press,
+    received,
+    use_active,
+)
 
+OWN = "Khronos_CesiumMan/CesiumMan/glTF-Binary/CesiumMan.glb"
 CAMERAS = (0, 3)  # 108 degrees apart
 ICON_PX = 49  # from the sidebar's right edge, with its tabs, to the middle of the last icon in a row
 
@@ -74,3 +87,44 @@ def test_two_films_of_a_person_drive_a_character(
     run = window.order("last_run")
     assert run["poses"] == run["distinct"] == 100
     assert "100 frames recorded" in state["capture"]["messages"]["capture"]
+
+
+@pytest.mark.walkthrough
+def test_cameras_are_calibrated_by_the_films_and_an_own_character_moves(
+    desktop: Desktop, window: BlenderWindow, network: Path, filmed: dict[str, str], shared_dir: Path, tmp_path: Path
+) -> None:
+    """Without a board: the network from a wheel, the height, and five clicks; each step leaves a picture."""
+    wheel = tmp_path / "wheels" / "mediapipe-0.10.14-cp311-cp311-any.whl"
+    wheel.parent.mkdir()
+    with zipfile.ZipFile(wheel, "w") as archive:
+        archive.write(network, f"mediapipe/modules/pose_landmark/{network.name}")
+    hand = opened(desktop, window, "walking")
+    import_character(hand, shared_dir.resolve() / "rigs" / OWN)
+    name = use_active(hand, window, "own-character")
+    films = {side: filmed[side] for side in ("left_video", "right_video")}
+    window.order("set", values={"source": "VIDEOS", "follow": "PERSON", "capture_preview": True, **films})
+    hand.toggle("Guide")
+    button, region = hand.find("Get Body Network", sidebar=True), window.state()["regions"]["UI"]
+    hand.shot("network-missing")
+    desktop.click(region[0] + region[2] - ICON_PX, button.y)
+    hand.choose_file(wheel)
+    window.wait(lambda s: s["capture"]["messages"].get("cameras") == "the body network is there", "network", GUIDED_S)
+    hand.shot("not-calibrated")
+    hand.type_over("1.75", "1.72", sidebar=True)
+    hand.shot("height")
+    said = press(window, hand, "Calibrate by Walking", "cameras")
+    hand.shot("calibrated")
+    assert said.startswith("redo: ") and "the recording shows 2 s of motion" in said, said  # the films are short
+    checked = press(window, hand, "Check Setup", "guide")
+    hand.shot("checked")
+    assert checked.startswith("no fault was found"), checked
+    hand.away()
+    hand.click("Start Capture", sidebar=True)
+    window.wait(lambda s: received(s) > CAPTURED, "frames", GUIDED_S)
+    hand.shot("live")
+    window.wait(lambda s: s["capture"]["activity"] is None and s["actions"], "end of the films", GUIDED_S)
+    hand.find("Start Capture", sidebar=True)  # drawn again
+    hand.shot("recorded")
+    assert window.order("last_run")["poses"] == 100
+    moved_m = np.ptp(joints(window, name, np.arange(1.0, 40.0, 3.0), armatures(window)[name]), axis=0)
+    assert np.linalg.norm(moved_m, axis=-1).max() > 0.05

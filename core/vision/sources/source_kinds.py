@@ -13,12 +13,13 @@ from .video_source import VideoSource
 
 
 def open_image_source(
-    *sources: str | Path, fps: float | None = None, size: tuple[int, int] | None = None
+    *sources: str | Path, fps: float | None = None, size: tuple[int, int] | None = None, together: bool = True
 ) -> SampledSource:
     """Return a source from one string per camera: a video, folder, pattern, device number or address.
 
     Args:
         size: Width and height of the images that devices deliver, as calibrated.
+        together: Refuse videos of different lengths (see `VideoSource`).
 
     Raises:
         CaptureError: A string is none of these, or they are not all of the same kind.
@@ -34,15 +35,15 @@ def open_image_source(
     if kinds[0] == "cameras":
         return CameraSource([text if is_stream(text) else int(text) for text in texts], size, fps)
     if kinds[0] == "videos":
-        return VideoSource(texts, fps or 30.0)
+        return VideoSource(texts, fps or 30.0, together=together)
     return ImageFileSource(texts, fps or 30.0)
 
 
-def open_videos(paths: Sequence[str], fps: float | None = None) -> SampledSource:
-    """Return a source for videos, or for addresses of network cameras."""
+def open_videos(paths: Sequence[str], fps: float | None = None, starts_s: Sequence[float] = ()) -> SampledSource:
+    """Return a source for videos that begin at these times (see `VideoSource`), or for addresses of network cameras."""
     streams = [path for path in paths if is_stream(path)]
     if not streams:
-        return VideoSource(paths, fps or 30.0)
+        return VideoSource(paths, fps or 30.0, starts_s=starts_s)
     if len(streams) < len(paths):
         raise CaptureError(
             "is a camera, but another source is a video", where=streams[0], advice="give only videos, or only cameras"

@@ -58,6 +58,9 @@ class VideoFiles(_Files):
 
     kind: Annotated[str, About("kind of source", choices=("videos",), optional=False)] = "videos"
     fps: Annotated[float | None, _RATE] = None
+    starts_s: Annotated[
+        tuple[float, ...], About("times at which the videos begin, on one clock; by default together", "s")
+    ] = ()
 
 
 @dataclass(frozen=True)

@@ -43,15 +43,27 @@ class VideoSource(ClosableSource):
     Args:
         paths: Video files or addresses of videos, one per camera.
         fps: Rate to use if a file does not state it.
+        starts_s: Times at which the videos begin, on one clock; only the part that all show is read. By default they
+            begin together.
+        together: Refuse videos of different lengths. Otherwise their images come one by one, each in a set of its own,
+            with times from the start of its own video.
 
     Attributes:
         warnings: Faults in the frames so far.
+        is_apart: Whether images come one by one.
 
     Raises:
         CaptureError: A file is missing or unreadable, or the lengths differ (also during iteration).
     """
 
-    def __init__(self, paths: Sequence[str | Path], fps: float = 30.0) -> None:
+    def __init__(
+        self,
+        paths: Sequence[str | Path],
+        fps: float = 30.0,
+        *,
+        starts_s: Sequence[float] = (),
+        together: bool = True,
+    ) -> None:
         self._paths = [str(path) for path in paths]
         self.name = Path(self._paths[0]).stem
         self._counts, self._rates = [], []
@@ -61,42 +73,75 @@ class VideoSource(ClosableSource):
             rate = float(capture.get(cv2.CAP_PROP_FPS))
             self._rates.append(rate if 1.0 <= rate <= 1000.0 else fps)
             capture.release()
-        self._has_rates = max(self._rates) > SOURCES.other_rate * min(self._rates)
-        self._check_lengths()
-        slowest = int(np.argmin(self._rates)) if self._has_rates else 0
-        self.frames, self.fps = min(self._counts), self._rates[slowest]
-        self._lead = slowest
+        has_rates = max(self._rates) > SOURCES.other_rate * min(self._rates)
+        fault = None if starts_s else self._length_fault()
+        if fault and together:
+            raise fault
+        self.is_apart = fault is not None
+        self._starts_s = tuple(starts_s)
+        self._has_rates = has_rates or bool(starts_s)
+        self._lead = int(np.argmin(self._rates)) if self._has_rates or self.is_apart else 0
+        self.fps = self._rates[self._lead]
+        self.frames = sum(self._counts) if self.is_apart else self._common_frames()
         rates = ", ".join(f"{Path(p).name} {rate:g}" for p, rate in zip(self._paths, self._rates, strict=True))
         told = f"the videos have different frame rates ({rates}): their images are paired by time"
-        self._notes = (told,) * self._has_rates
+        self._notes = (told,) * has_rates
         self.warnings = self._notes
 
-    def _check_lengths(self) -> None:
-        """Raise CaptureError for videos that cannot show the same moments."""
+    def _common_frames(self) -> int:
+        """Return the number of frames of the part that all videos show."""
+        if not self._starts_s:
+            return min(self._counts)
+        rows = zip(self._starts_s, self._counts, self._rates, strict=True)
+        common_s = min(start_s + count / rate for start_s, count, rate in rows) - max(self._starts_s)
+        return max(round(common_s * self.fps), 0)
+
+    def _length_fault(self) -> CaptureError | None:
+        """Return an error for videos whose lengths say that they do not show the same moments."""
         seconds = [count / rate for count, rate in zip(self._counts, self._rates, strict=True)]
         is_alike = max(self._rates) <= SOURCES.same_rate * min(self._rates)
         is_apart = max(seconds) - min(seconds) > SOURCES.end_frames / min(self._rates)
         if min(self._counts) == 0 or not (len(set(self._counts)) > 1 if is_alike else is_apart):
-            return
+            return None
         rows = zip(self._paths, self._counts, seconds, strict=True)
         lengths = [f"{Path(p).name} {n} frames" + f" in {s:.2f} s" * (not is_alike) for p, n, s in rows]
         advice = "cut them so that they start and end at the same moments"
-        raise CaptureError("the videos have different lengths: " + ", ".join(lengths), advice=advice)
+        return CaptureError("the videos have different lengths: " + ", ".join(lengths), advice=advice)
 
     def __iter__(self) -> Iterator[ImageSet]:
         with ExitStack() as stack:
             captures = [_open(path) for path in self._paths]
             for capture in captures:
                 stack.callback(capture.release)
-            readers = [_Reader(capture, rate) for capture, rate in zip(captures, self._rates, strict=True)]
+            starts_s = self._starts_s or (0.0,) * len(captures)
+            readers = [_Reader(*each) for each in zip(captures, self._rates, starts_s, strict=True)]
             lead = readers[self._lead]
             self._advance(readers, readers)
+            if self.is_apart:
+                yield from self._one_by_one(readers)
+                return
+            for reader in readers if self._starts_s else ():
+                reader.read_until(max(starts_s))
             while not self._closed and lead.image is not None:
                 first_s = lead.time_s if self._has_rates else min(reader.time_s for reader in readers)
                 current = [reader for reader in readers if abs(reader.time_s - first_s) <= 0.5 / reader.fps]
                 yield self._image_set(readers, current, first_s)
                 self.warnings = self._warnings(readers)
                 self._advance(readers, [lead] if self._has_rates else current)
+
+    def _one_by_one(self, readers: Sequence["_Reader"]) -> Iterator[ImageSet]:
+        """Yield each image in a set of its own, by time, with black ones for the other videos."""
+        black = [np.zeros_like(reader.image) for reader in readers]
+        number = 0
+        while not self._closed and (left := [reader for reader in readers if reader.image is not None]):
+            own = min(left, key=lambda reader: reader.time_s)
+            if not own.is_repeated:
+                rows = zip(readers, black, strict=True)
+                images = tuple(reader.image if reader is own else dark for reader, dark in rows)
+                usable = tuple(reader is own for reader in readers)
+                yield ImageSet(number, (own.time_s,) * len(readers), images, usable=usable)
+                number += 1
+            own.read()
 
     def _image_set(self, readers: Sequence["_Reader"], current: Sequence["_Reader"], first_s: float) -> ImageSet:
         """Return an image set with the images of the `current` videos, and black ones for the others."""
@@ -113,7 +158,8 @@ class VideoSource(ClosableSource):
             reader.image if use else np.zeros_like(reader.image) for reader, use in zip(readers, usable, strict=True)
         )
         times_s = tuple(reader.time_s if reader in current else first_s for reader in readers)
-        return ImageSet(min(reader.number for reader in current), times_s, images, usable=usable)
+        number = readers[self._lead].number if self._starts_s else min(reader.number for reader in current)
+        return ImageSet(number, times_s, images, usable=usable)
 
     def _advance(self, readers: Sequence["_Reader"], current: Sequence["_Reader"]) -> None:
         """Read the next frames of the `current` videos; at the end of the source, remove all readers' images."""
@@ -129,6 +175,9 @@ class VideoSource(ClosableSource):
             codec = next(reader.codec for reader in readers if reader.image is None)
             what = f"is a video in {codec}, which cannot be read here" if codec else "has no image that can be read"
             raise CaptureError(what, where=ended[0], advice="convert it to H.264 (MP4), or to AVI (MJPEG)")
+        if ended and self._starts_s:
+            lead.image = None
+            return
         # the last frames of one video may be missing
         if ended and not all(reader.ends_within(SOURCES.end_frames / self.fps) for reader in readers):
             raise CaptureError(
@@ -176,11 +225,11 @@ class VideoSource(ClosableSource):
 
 
 class _Reader:
-    """Reader of one video, whose frames have time stamps relative to the first one."""
+    """Reader of one video, whose first frame has the time stamp `start_s`."""
 
-    def __init__(self, capture: Any, fps: float) -> None:
+    def __init__(self, capture: Any, fps: float, start_s: float) -> None:
         self.number = -1
-        self.time_s = 0.0
+        self.time_s = start_s
         self.image: Any = None
         self.codec = _codec_of(capture)
         self.is_repeated = False
@@ -188,6 +237,7 @@ class _Reader:
         self.doubled = 0
         self.fps = fps
         self._capture = capture
+        self._start_s = start_s
         self._first_s = 0.0
         self._stamp_s = 0.0
         self._is_steady = True  # as far as is known
@@ -203,19 +253,19 @@ class _Reader:
         self.image = image
         stamp_s = float(self._capture.get(cv2.CAP_PROP_POS_MSEC)) / 1000.0
         if self.number < 0:
-            self.number, self._first_s, self._stamp_s = 0, stamp_s, stamp_s
+            self.number, self._first_s, self._stamp_s = 0, stamp_s - self._start_s, stamp_s
             return
         passed_s = stamp_s - self._stamp_s
         self._stamp_s = stamp_s
         self.number = next_number(self.number, passed_s, 1.0 / self.fps)
-        since_s, steady_s = stamp_s - self._first_s, self.number / self.fps
+        since_s, steady_s = stamp_s - self._first_s, self._start_s + self.number / self.fps
         if passed_s <= 0.0:  # the video has no time stamps
             self.time_s += 1.0 / self.fps
             return
         self._is_steady &= abs(since_s - steady_s) <= SOURCES.stamp_jitter / self.fps
         self.time_s = steady_s if self._is_steady else max(since_s, self.time_s + SOURCES.least_step / self.fps)
         if not self._is_steady:
-            self.number = max(self.number, round(self.time_s * self.fps))
+            self.number = max(self.number, round((self.time_s - self._start_s) * self.fps))
 
     def read_until(self, time_s: float) -> None:
         """Read the frame nearest to a moment, or the last one before it."""

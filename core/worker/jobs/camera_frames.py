@@ -30,6 +30,7 @@ from ..channel import Channel, Stopped, open_when_free
 from ..open_source import open_source
 from ..requests import CamerasRequest
 from ..worker_settings import WORKER
+from .film_starts import with_starts
 from .person_pipeline import open_networks
 from .preview_sender import Draw, PreviewSender
 
@@ -100,6 +101,7 @@ class _Images:
 @contextmanager
 def _open_people(request: CamerasRequest, channel: Channel) -> Iterator[tuple[ImageSource, PeoplePipeline]]:
     """Yield the source, and the pipeline that finds a person in its images; errors are those of `open_pipeline`."""
+    request = with_starts(request, channel)
     with open_networks(request) as pipeline, _open_cameras(request, channel) as source:
         yield source, pipeline
 

@@ -41,6 +41,7 @@ from ..channel import Channel, Stopped
 from ..open_source import open_source
 from ..requests import CheckSetupRequest
 from .camera_frames import learn_room
+from .film_starts import with_starts
 from .person_pipeline import open_networks
 from .preview_sender import Draw, PreviewSender
 from .record_board import camera_names
@@ -107,7 +108,8 @@ def _check_source(request: CheckSetupRequest, channel: Channel) -> tuple[list[Fi
 def _check_person(request: CheckSetupRequest, channel: Channel) -> tuple[list[Finding], CommonSpace | None, Facts]:
     """Return the faults in how the cameras see a person without markers, the space that they see, and the floor."""
     channel.send_status("opening the cameras")
-    with open_networks(request) as pipeline, closing(open_source(request.source, newest=True)) as source:
+    playing = with_starts(request, channel).source
+    with open_networks(request) as pipeline, closing(open_source(playing, newest=True)) as source:
         images = iter(source)
         if request.source.is_live:
             count_down(images, request.countdown_s, channel, _SETTINGS.place)

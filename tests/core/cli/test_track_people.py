@@ -73,5 +73,5 @@ def test_films_of_nobody_are_told_and_leave_nothing(tmp_path, capsys):
             cv2.imwrite(str(tmp_path / side / f"{number}.png"), np.full((480, 640, 3), 90, dtype=np.uint8))
     line = ["track", "--cameras", tmp_path / "cameras.toml", "--left", tmp_path / "left", "--right", tmp_path / "right"]
     assert main([*map(str, line), "--fps", "30", "--people", "--out", str(tmp_path / "a.take.npz")]) == 1
-    assert "nobody was found; check the light, and that the images show the whole body" in capsys.readouterr().err
+    assert "nobody was found in the images of left and right; check the light" in capsys.readouterr().err
     assert not (tmp_path / "a.take.npz").exists()

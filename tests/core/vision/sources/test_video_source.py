@@ -37,6 +37,32 @@ def test_videos_are_read_frame_by_frame_and_again(tmp_path):
     assert np.abs(np.array(shown) - [0, 15, 30, 45]).max() <= 2
 
 
+def test_videos_that_were_not_started_together_come_one_by_one(tmp_path):
+    paths = [video(tmp_path / "left.avi", 10, 25.0), video(tmp_path / "right.avi", 20, 30.0)]
+    source = VideoSource(paths, together=False)
+    assert source.is_apart and source.frames == 30
+    sets = list(source)
+    assert [images.number for images in sets] == list(range(30))
+    shown = [images.usable.index(True) for images in sets]
+    assert shown.count(0) == 10 and all(sum(images.usable) == 1 for images in sets)
+    times_s = [images.times_s[camera] for images, camera in zip(sets, shown, strict=True)]
+    assert times_s == sorted(times_s)
+    assert max(abs(int(images.images[1 - camera].max())) for images, camera in zip(sets, shown, strict=True)) == 0
+    assert not VideoSource([paths[0], video(tmp_path / "same.avi", 10)], together=False).is_apart
+
+
+def test_videos_with_known_starts_are_paired_by_time(tmp_path):
+    paths = [video(tmp_path / "left.avi", 40, 25.0), video(tmp_path / "right.avi", 30, 30.0)]
+    source = VideoSource(paths, starts_s=(0.0, 0.4))
+    sets = list(source)
+    assert source.frames == len(sets) == 25 and all(images.usable == (True, True) for images in sets)
+    assert min(images.times_s[0] for images in sets) == pytest.approx(0.4)
+    for images in sets:
+        assert abs(images.times_s[0] - images.times_s[1]) < 0.5 / 25.0
+        number = round(30.0 * (images.times_s[1] - 0.4))
+        assert abs(int(images.images[1][20, 30, 0]) - 5 * number) <= 3
+
+
 def test_videos_of_different_length_are_refused_before_any_frame_is_read(tmp_path):
     paths = [video(tmp_path / "left.avi", 10), video(tmp_path / "right.avi", 7)]
     with pytest.raises(CaptureError, match=r"left\.avi 10 frames, right\.avi 7 frames"):

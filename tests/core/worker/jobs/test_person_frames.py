@@ -8,14 +8,14 @@ from types import SimpleNamespace
 import cv2
 import numpy as np
 import pytest
-from filmed_people import POINTS, keypoints, moments, networks
+from filmed_people import POINTS, keypoints, moments, networks, write_film
 from perfanim.core.errors import CaptureError
 from perfanim.core.geometry.camera import WORLD_FROM_CAMERA, CameraRig
 from perfanim.core.geometry.rig_file import load_rig
 from perfanim.core.simulate.studio.studio_rig import default_rig
 from perfanim.core.vision.people.network_file import NETWORK_FILE
 from perfanim.core.vision.people.people_pipeline import APART
-from perfanim.core.vision.sources.source_requests import ImageFiles
+from perfanim.core.vision.sources.source_requests import ImageFiles, VideoFiles
 from perfanim.core.worker.jobs import camera_frames, check_setup, person_pipeline
 from perfanim.core.worker.requests import CamerasRequest, CheckSetupRequest
 
@@ -90,6 +90,26 @@ def test_a_cut_to_another_room_is_told(nets, pictures):
         nets[1].pixels[10 * n + 1] = 0.7 * pixels + 0.3 * pixels.mean(axis=0) + (0.0, 60.0)
     sent = run(camera_frames, CamerasRequest(source=pictures, rig=RIG, people="network"))
     assert [APART in frame.notes for frame in sent.frames] == [False] * 6 + [True] * (COUNT - 6)
+
+
+@pytest.mark.long
+def test_videos_that_were_not_started_together_are_synchronised(nets, tmp_path, boxing):
+    """The right video begins half a second after the left one."""
+    points_m = keypoints(boxing)[:170]
+    for net, whole in zip(nets, networks(RIG, points_m), strict=True):
+        net.pixels = whole.pixels
+    left = write_film(tmp_path / "left.avi", [10 * n for n in range(170)])
+    right = write_film(tmp_path / "right.avi", [10 * n + 1 for n in range(15, 170)])
+    source = VideoFiles((str(left), str(right)))
+    sent = run(camera_frames, CamerasRequest(source=source, rig=RIG, people="network"))
+    assert sent.said[0] == "synchronising the videos by the motion"
+    assert len(sent.frames) == 155
+    for frame, row in zip(sent.frames, points_m[15:], strict=True):
+        np.testing.assert_allclose(frame.points_m, row, atol=1e-5)
+    still = write_film(tmp_path / "still.avi", [1] * 155)
+    asked = CamerasRequest(source=VideoFiles((str(left), str(still))), rig=RIG, people="network")
+    with pytest.raises(CaptureError, match="when right began to film cannot be told from the motion that left shows"):
+        run(camera_frames, asked)
 
 
 @pytest.mark.parametrize(("content", "text"), [(None, "there is no body network"), (b"damaged", "is damaged, or not")])
