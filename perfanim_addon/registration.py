@@ -21,6 +21,7 @@ from .preferences.sidebar_tab import SidebarPanel, register_panel, unregister_pa
 
 _KINDS = (
     bpy.types.AddonPreferences,
+    bpy.types.FileHandler,
     bpy.types.Menu,
     bpy.types.Operator,
     bpy.types.Panel,

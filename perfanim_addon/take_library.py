@@ -7,6 +7,8 @@ from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
+import bpy
+
 from ..core.errors import TakeError
 from ..core.formats.take_file.append_notes import append_notes
 from ..core.formats.take_file.take_reader import ENDING, TakeSummary, has_frames, summarise, take_name, unused_path
@@ -59,6 +61,12 @@ def listed() -> list[TakeSummary]:
     return _known.takes
 
 
+def in_project() -> list[TakeSummary]:
+    """Return the takes that were captured, or first put on a character, in the open file; all in an unsaved one."""
+    project = bpy.data.filepath
+    return [take for take in listed() if not project or take.notes.project == project]
+
+
 def disk_space() -> tuple[int, int]:
     """Return the size of the listed takes, and of the files in the trash, in bytes."""
     listed()
@@ -88,17 +96,16 @@ def cut_off() -> list[TakeSummary]:
 def mark_captured(path: Path | str, filters: FilterSettings, recorded: tuple[int, int] | None = None) -> None:
     """Store the filters of a captured take, and its first and last recorded frame if not all are recorded."""
     take = summarise(path)
-    played = take.notes.played or take.orphaned
-    append_notes(
-        path, replace(take.notes, played=played, filters=filters.table(), recorded=recorded or take.notes.recorded)
-    )
+    notes = replace(take.notes, played=take.notes.played or take.orphaned, project=bpy.data.filepath)
+    append_notes(path, replace(notes, filters=filters.table(), recorded=recorded or take.notes.recorded))
     forget()
 
 
 def mark_played(path: Path | str, character: str) -> None:
     """Store that a take was put on a character, and end its recovery offer; TakeError if it cannot be written."""
     take = summarise(path)
-    notes = replace(take.notes, played=take.notes.played or take.orphaned, character=character)
+    project = take.notes.project or bpy.data.filepath
+    notes = replace(take.notes, played=take.notes.played or take.orphaned, character=character, project=project)
     if notes != take.notes:
         append_notes(path, notes)
         forget()

@@ -150,7 +150,7 @@ def solve_unmeasured(
     subject = fit_subject(
         take, opened, marker_set, request.height_m, progress=lambda share, text: progress(0.5 * share, text)
     )
-    solved = solve_markers(take, subject, opened, request, progress, cache)
+    solved = solve_markers(take, subject, opened, request, lambda share, text: progress(0.5 + 0.5 * share, text), cache)
     moved_m = moved_markers(subject, choose_worn(marker_set, take))
     text = contradicted_places(moved_m)
     return replace(

@@ -47,6 +47,8 @@ Facts = dict[str, Any]
 
 _LATER = "none: solving the take labels the markers"
 _NETWORKS = "those of the body network"
+GUESSED = "labels are guessed without a body; name the performer and a motion database"
+"""Warning about trajectories; it does not apply to a take whose body is fitted next."""
 _NO_PERSON = "what the network found does not have the shape of a person: it also finds people in animals and things"
 
 
@@ -315,7 +317,7 @@ def _guess(request: TrackRequest, frames: Sequence[MarkerFrame], fps: float) -> 
         "labels": "guessed without a body",
         "reprojection_rms_px": labelled_rms_px(request.rig, frames, tracking.labels),
         "false_pieces": tracking.dropped_tracklets,
-        "warnings": ["labels are guessed without a body; name the performer and a motion database"],
+        "warnings": [GUESSED],
     }
 
 

@@ -10,6 +10,14 @@ from ..system.user_folder import cache_folder
 from .build_database import build_database
 from .store import DATABASE_SUFFIX
 
+STARTER = "starter"
+"""Name that stands for the starter database wherever a motion database is named."""
+
+
+def named_database(path: Path | str) -> Path:
+    """Return the file of a motion database: the starter database's for its name, if no file has this name."""
+    return starter_database() if str(path) == STARTER and not Path(path).exists() else Path(path)
+
 
 def starter_database(progress: Progress = no_progress) -> Path:
     """Return the path of the shipped motion's database, which is used unless another one is chosen.

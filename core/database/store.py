@@ -235,8 +235,14 @@ def _write_file(stream: BinaryIO, facts: dict[str, Any], arrays: Mapping[str, ND
 
 
 def open_database(path: str | Path) -> Database:
-    """Return a file's database, with memory-mapped arrays; DatabaseError if the file is truncated or not a database."""
-    path = Path(path)
+    """Return a file's database, with memory-mapped arrays; "starter" is the starter database.
+
+    Raises:
+        DatabaseError: The file is truncated or not a database, or the starter database cannot be built.
+    """
+    from .starter_database import named_database  # it builds with this module
+
+    path = named_database(path)
     with open_foreign(path, DatabaseError) as stream, reading(path, DatabaseError, REBUILD):
         header, arrays = _map_arrays(path, stream)
         if header.joints != JOINT_NAMES:

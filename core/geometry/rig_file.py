@@ -1,4 +1,4 @@
-"""Camera rig files: anipose TOML, caliscope TOML and Qualisys XML."""
+"""Camera rig files: anipose TOML, caliscope TOML, Qualisys XML, and stereo files of OpenCV and MATLAB."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -18,7 +18,10 @@ from .camera import Camera, CameraRig
 from .lens_check import lens_fault
 from .rig_import import caliscope_rows, level_from_world, qualisys_rows
 from .rigid_transform import nearest_rotation
+from .stereo_import import is_stereo, stereo_rows
 
+CALIBRATION_ENDINGS = (".toml", ".json", ".yaml", ".yml", ".xml", ".mat", ".txt")
+"""Extensions of the files that `load_rig` reads."""
 _FARTHEST = 1e6  # largest value of pixels, and of lengths in the file's unit
 
 
@@ -98,18 +101,21 @@ def _table(camera: Camera) -> _CameraTable:
 
 
 def load_rig(path: str | Path) -> CameraRig:
-    """Return the rig in a calibration file: anipose, caliscope or Qualisys.
+    """Return the rig in a calibration file: anipose, caliscope, Qualisys, or a stereo file of OpenCV or MATLAB.
 
-    Files of other programs are converted to metres and to a world with y up. Those in anipose's layout lack
-    `metadata.length_unit`: their lengths are in the unit of the board, which is assumed to be millimetres if a baseline
-    exceeds 10.
+    Files of other programs are converted to metres and to a world with y up. Anipose's lack `metadata.length_unit`, and
+    stereo files name no unit: their lengths are in the unit of the board, which is assumed to be millimetres if a
+    baseline exceeds 10.
 
     Raises:
         FormatError: The file cannot be read.
         CalibrationError: Cameras are missing or incomplete, or have fisheye lenses.
     """
     raw = read_bytes(path)
-    if raw.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"<"):
+    if is_stereo(raw, str(path)):
+        rows, unit = stereo_rows(raw, str(path))
+        return _levelled(_in_metres(_read_cameras(rows, str(path)), unit), {})
+    if _is_markup(raw):
         return _levelled(_read_cameras(qualisys_rows(raw, str(path)), str(path)), {})
     tables = read_toml(path)
     if "cameras" in tables:
@@ -117,14 +123,15 @@ def load_rig(path: str | Path) -> CameraRig:
     return rig_from(tables, str(path))
 
 
+def _is_markup(raw: bytes) -> bool:
+    return raw.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"<")
+
+
 def rig_from(tables: Table, where: str) -> CameraRig:
     """Return the rig of anipose tables; inverse of `rig_tables`."""
     rows = CAMERA.read_each({key: tables[key] for key in _camera_keys(tables)}, where)
     metadata, unit = tables.get("metadata", {}), METADATA.read(tables, where).metadata.length_unit
-    cameras = _cameras(list(rows.values()), where)
-    centres = np.array([camera.centre_m for camera in cameras])
-    if unit == "mm" or (unit == "unknown" and np.linalg.norm(centres - centres[0], axis=1).max() > 10.0):
-        cameras = tuple(replace(camera, translation_m=camera.translation_m * 1e-3) for camera in cameras)
+    cameras = _in_metres(_cameras(list(rows.values()), where), unit)
     return CameraRig(cameras, metadata) if unit != "unknown" else _levelled(cameras, metadata)
 
 
@@ -133,7 +140,8 @@ RigTables: TypeAlias = Annotated[CameraRig, Via(Table, rig_from, partial(rig_tab
 
 def save_ignored(path: str | Path, places: ArrayLike) -> None:
     """Write ignored positions (N, 3), as in `CameraRig.ignored`, into a calibration file in anipose's layout."""
-    tables = read_toml(path)
+    raw = read_bytes(path)
+    tables = {} if is_stereo(raw, str(path)) or _is_markup(raw) else read_toml(path)
     keys = _camera_keys(tables)
     if not keys or not all(isinstance(tables[key], dict) for key in keys):
         raise CalibrationError(
@@ -156,9 +164,18 @@ def _read_cameras(rows: Sequence[Table], where: str) -> tuple[Camera, ...]:
 def _cameras(tables: Sequence[_CameraTable], where: str) -> tuple[Camera, ...]:
     if not tables:
         raise CalibrationError(
-            "holds no cameras", where=where, advice="use a calibration from Perfanim, anipose, caliscope or Qualisys"
+            "holds no cameras",
+            where=where,
+            advice="use a calibration from Perfanim, anipose, caliscope, Qualisys, OpenCV or MATLAB",
         )
     return tuple(_camera(table, where) for table in tables)
+
+
+def _in_metres(cameras: tuple[Camera, ...], unit: str) -> tuple[Camera, ...]:
+    centres = np.array([camera.centre_m for camera in cameras])
+    if unit == "mm" or (unit == "unknown" and np.linalg.norm(centres - centres[0], axis=1).max() > 10.0):
+        return tuple(replace(camera, translation_m=camera.translation_m * 1e-3) for camera in cameras)
+    return cameras
 
 
 def _levelled(cameras: Sequence[Camera], metadata: Mapping[str, Any]) -> CameraRig:

@@ -10,7 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
-from ..body.skeleton import Skeleton
+from ..body.calibration_poses import standing as standing_pose
+from ..body.skeleton import Skeleton, forward_kinematics
 from ..geometry import rotations as rot
 from ..geometry.arrays import Array
 from ..geometry.rigid_transform import kabsch
@@ -38,6 +39,7 @@ class TargetSettings:
     turned_m: tuple[float, float] = (0.25, 0.5)
     limbs_m: float = 0.15  # distance to the targets that the limbs cover; the root covers the rest
     bent_m: float = 0.15  # distance of a key from the database's motion that halves the motion's effect around the key
+    level_m: tuple[float, float] = (0.03, 0.1)  # height of a foot's keys below and above a standing foot on the floor
     lowest_hips_m: float = 0.2  # height of the hips in a deep crouch; below it, feet without keys follow the hips
 
 
@@ -104,7 +106,8 @@ def targets_of(
             points[:, led] = base_m[:, led] + wanted[:, None]
             continue
         foot = Foot(base_m[:, columns[0]], base_m[:, columns[1]], wanted, keyed, leader == pair[1])
-        held = held_foot(foot, standing[:, side], None if leader else floor_m, sketch.fps)
+        on_level = leader is None or _on_floor(controls[leader], skeleton)
+        held = held_foot(foot, standing[:, side], floor_m if on_level else None, sketch.fps)
         for column, target, sigma_m in zip(
             columns, (held.ankle_m, held.toes_m), SETTINGS.standing_sigmas_m, strict=True
         ):
@@ -117,6 +120,26 @@ def targets_of(
                 own[bound] = SETTINGS.key_sigma_m
                 sigmas[:, column] = own
     return Targets(joints, reach.limited(points), sigmas)
+
+
+def is_level(sketch: Sketch, skeleton: Skeleton) -> bool:
+    """Return whether the body is on its feet on the floor, as far as the keys tell."""
+    feet = [control for control in sketch.controls if control.joint in (*_ANKLES, *TOES)]
+    hips = [control for control in sketch.controls if control.joint == "root"]
+    upright = all(control.positions_m[:, 1].min() > SETTINGS.lowest_hips_m for control in hips)
+    return upright and all(_on_floor(control, skeleton, np.inf) for control in feet) and bool(feet or hips)
+
+
+def _on_floor(control: Control, skeleton: Skeleton, most_m: float = SETTINGS.level_m[1]) -> bool:
+    """Return whether all keys of a foot are as high above the floor as that of a standing body, or up to `most_m` more.
+
+    Lower keys show that the floor is elsewhere.
+    """
+    upright_m = forward_kinematics(skeleton, standing_pose(skeleton), np.zeros(3))[0][:, 1]
+    toes = skeleton.index(control.joint[0] + "toes")
+    foot_m = standing_toes_m(skeleton) + upright_m[skeleton.index(control.joint)] - upright_m[toes]
+    heights_m = control.positions_m[:, 1] - foot_m
+    return bool(heights_m.min() > -SETTINGS.level_m[0] and heights_m.max() < most_m)
 
 
 def carried_root(

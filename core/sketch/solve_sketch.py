@@ -10,7 +10,7 @@ from typing import Annotated
 
 import numpy as np
 
-from ..body.motion import Motion
+from ..body.motion import Motion, sliced
 from ..body.skeleton import Skeleton, forward_kinematics
 from ..database.store import Database, rotations_from_pose
 from ..geometry import rotations as rot
@@ -18,8 +18,9 @@ from ..geometry.arrays import Array, IntArray, Mask
 from ..solver.subject_model import RootPose
 from ..system.progress import Progress, no_progress
 from ..system.schema import About, check_ranges
+from .above_floor import above_floor
 from .base_motion import BaseMotion, blended, corrected
-from .joint_targets import carried_root, target_joints, targets_of
+from .joint_targets import carried_root, is_level, target_joints, targets_of
 from .motion_library import MotionLibrary
 from .pose_fit import PoseFit
 from .reach import Reach
@@ -179,7 +180,10 @@ class SketchSolver:
             return None
         inputs = self._inputs(sketch, settings, last.base)
         at = int(np.clip(frame - sketch.frames[0], 0, len(sketch.frames) - 1))
-        return self._motion(sketch, *self._fit_frames(inputs, np.array([at])))
+        results = tuple(array.copy() for array in last.results)
+        for result, part in zip(results, self._fit_frames(inputs, np.array([at])), strict=True):
+            result[at] = part[0]
+        return sliced(self._motion(sketch, *results), at, at + 1)
 
     def _drawn(
         self,
@@ -258,9 +262,21 @@ class SketchSolver:
         return fitted, roots.rotation, roots.position_m
 
     def _motion(self, sketch: Sketch, poses: Array, turns: Array, places: Array) -> Motion:
-        """Return poses (F, 28, 3) and roots as a motion of the character."""
+        """Return poses (F, 28, 3) and roots as a motion of the character, with its feet above the floor."""
         rotations = rotations_from_pose(poses, self.database.reference_pose_of(self._skeleton), turns)
-        return Motion(sketch.name, sketch.fps, self._skeleton, rotations, places)
+        motion = Motion(sketch.name, sketch.fps, self._skeleton, rotations, places)
+        if not is_level(sketch, self._skeleton):
+            return motion
+        return above_floor(motion, *(_keyed_feet(sketch, joint) for joint in ("foot", "toes")))
+
+
+def _keyed_feet(sketch: Sketch, joint: str) -> Mask:
+    """Return a mask (F, 2) of the frames with a key of this joint of the left and the right foot."""
+    keyed = np.zeros((len(sketch.frames), 2), dtype=np.bool_)
+    for control in sketch.controls:
+        if control.joint[1:] == joint:
+            keyed[(control.frames - sketch.frames[0]).astype(np.int64), "lr".index(control.joint[0])] = True
+    return keyed
 
 
 def key_distances(sketch: Sketch, motion: Motion) -> tuple[Array, tuple[UnmetKey, ...]]:

@@ -140,7 +140,7 @@ def _standing(foot: Foot, inside: IntArray, floor_m: float | None) -> tuple[Arra
     wanted, offset = foot.wanted_toes_m, foot.ankle_m - foot.toes_m
     if len(own) and not foot.by_toes:
         goals = foot.wanted_ankle_m[own]
-        place = toes_place(goals, _toes_on_floor(foot, own, inside), foot.length_m[own])
+        place = toes_place(goals, _toes_on_floor(foot, own, inside, floor_m), foot.length_m[own])
         turn, reach_m = goals - place - offset[own], np.linalg.norm(goals - place, axis=1)
         way = offset[inside] + curve_positions(times, turn, at)
         return place + _with_length(way, np.interp(inside, own, reach_m)), np.repeat(place[None], len(inside), axis=0)
@@ -172,10 +172,16 @@ def toes_place(ankles_m: Array, toes_m: Array, lengths_m: Array) -> Array:
     return gauss_newton(middle, linearise, steps=4)[0]
 
 
-def _toes_on_floor(foot: Foot, own: IntArray, inside: IntArray) -> Array:
-    """Return the desired toes (K, 3) in frames of a stance, turned about the ankles onto the floor if near it."""
+def _toes_on_floor(foot: Foot, own: IntArray, inside: IntArray, floor_m: float | None = None) -> Array:
+    """Return the desired toes (K, 3) in frames of a stance, turned about the ankles onto the floor if near it.
+
+    Args:
+        floor_m: Largest height of planted toes; None for that of the database's motion.
+    """
     toes, ankles, lengths_m = foot.wanted_toes_m[own], foot.wanted_ankle_m[own], foot.length_m[own]
     way, low_m = toes - ankles, foot.toes_m[inside, 1].min()
+    if floor_m is not None:
+        low_m = min(low_m, floor_m)  # the database's foot may be in the air there
     down_m, ahead_m = low_m - ankles[:, 1], np.hypot(way[:, 0], way[:, 2])
     near = (np.abs(toes[:, 1] - low_m) < SETTINGS.floor_m) & (ahead_m > SETTINGS.least_ahead * lengths_m)
     near &= np.abs(down_m) < SETTINGS.steepest * lengths_m
@@ -203,7 +209,7 @@ def stances_of(foot: Foot, share: Array, fps: float) -> list[tuple[int, int]]:
         in_steps = stands[between] & (speeds_m * fps < SETTINGS.slow_m_s)
         is_far = way_m > SETTINGS.stride_m and last - first > SETTINGS.stride_s * fps
         if is_far and np.sum(~in_steps) >= shortest:
-            stands[between] = in_steps
+            stands[between] = in_steps | _at_the_ends(foot, share, first, last, round(SETTINGS.contact_s * fps))
             continue
         least = SETTINGS.may_stand * float(share[between].max())
         begin, stop = _step(share[between], speeds_m, max(2, round(shortest)), least)
@@ -213,6 +219,18 @@ def stances_of(foot: Foot, share: Array, fps: float) -> list[tuple[int, int]]:
     found = [(first, stop) for first, stop in runs(stands) if stop - first >= shortest_stance]
     found = [_widened(share, first, stop, round(SETTINGS.contact_s * fps)) for first, stop in found]
     return _with_time_to_step(found, foot.wanted_toes_m, share, fps)
+
+
+def _at_the_ends(foot: Foot, share: Array, first: int, last: int, least: int) -> Mask:
+    """Return a mask of the frames between two keys in which the foot stands because the sketch begins or ends there.
+
+    The database's motion may be in the middle of a step at the first and the last key. A foot that is planted in most
+    examples then stands for the shortest time.
+    """
+    ends = np.zeros(last + 1 - first, dtype=np.bool_)
+    ends[: least + 1] = first == foot.keyed[0] and share[first] > SETTINGS.stands
+    ends[-least - 1 :] |= last == foot.keyed[-1] and share[last] > SETTINGS.stands
+    return ends
 
 
 def _with_time_to_step(found: list[tuple[int, int]], toes_m: Array, share: Array, fps: float) -> list[tuple[int, int]]:

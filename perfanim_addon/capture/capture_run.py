@@ -79,20 +79,25 @@ class CaptureRun:
         self._last_arrival = self._stop_asked = clock()
 
     @property
-    def notice(self) -> str:
-        """Message about a current problem, "" if there is none."""
-        if self._restarting or self.persistent_warning:
-            return self._restarting or self.persistent_warning
-        if self.statistics.slowness > SLOWNESS.busy:
-            times = min(TUNING.slownesses, key=lambda each: abs(math.log(each / self.statistics.slowness)))
-            return f"this computer is busy: work takes {times} times as long as usual; close other programs"
+    def notices(self) -> list[str]:
+        """Messages about current problems, the most important one first."""
         silent_s = self._clock() - self._last_arrival
-        if self.phase is Phase.RUNNING and silent_s > TUNING.freeze_notice_s:
-            return f"no images for {silent_s:.1f} s"
-        problems = [note.text for note in self.poses[-1].notes if not note.is_decision] if self.poses else []
-        if problems:
-            return "; ".join(problems)
-        return self.warnings[-1] if self.warnings else ""
+        is_busy = self.statistics.slowness > SLOWNESS.busy
+        found = [self._restarting, self.persistent_warning]
+        if self.phase is Phase.RUNNING and silent_s > TUNING.freeze_notice_s and not is_busy:
+            found.append(f"no images for {silent_s:.1f} s")
+        else:
+            found += [note.text for note in self.poses[-1].notes if not note.is_decision] if self.poses else []
+        found += self.warnings[-1:]
+        if is_busy:
+            times = min(TUNING.slownesses, key=lambda each: abs(math.log(each / self.statistics.slowness)))
+            found.append(f"this computer is busy: work takes {times} times as long as usual; close other programs")
+        return list(dict.fromkeys(filter(None, found)))
+
+    @property
+    def notice(self) -> str:
+        """The most important of the notices, "" if there is none."""
+        return next(iter(self.notices), "")
 
     def tick(self) -> ScenePose | None:
         """Receive waiting poses; return the newest if it is new. Call `shown` afterwards."""

@@ -55,6 +55,7 @@ class LiveCapture:
         self._hands = HandCues()
         self._gestures: GestureWatch | None = None
         self._kept: str | None = None
+        self.actions: tuple[str, ...] = ()  # names of the recorded actions
 
     @property
     def line(self) -> str:
@@ -248,6 +249,7 @@ class LiveCapture:
         motion = TakeMotion(driver.targets, driver.props, all_poses, driver.copies)
         character, actions = write_take(context, motion, parts, "Capture")
         self._hands.key(bpy.data.objects[character], parts)
+        self.actions = tuple(actions)
         recorded = parts[0].poses[0].number, parts[-1].poses[-1].number
         span = None if recorded == (all_poses[0].number, all_poses[-1].number) else recorded
         with contextlib.suppress(PerfanimError):  # there may be no take, because of a full disk or a killed worker

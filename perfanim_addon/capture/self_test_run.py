@@ -75,4 +75,7 @@ def _facts(summary: dict[str, Any]) -> list[str]:
         f"{camera['device']} ({'{}x{}'.format(*camera['size']) if camera['size'] else 'gives no image'})"
         for camera in summary["cameras"]
     ]
-    return [f"Worker: Python {summary['python']}, {libraries}", f"Cameras found: {', '.join(cameras) or 'none'}"]
+    return [
+        f"Worker: Python {summary['python']}, {libraries}",
+        f"Cameras found: {', '.join(cameras) or 'none, plug in two'}",
+    ]

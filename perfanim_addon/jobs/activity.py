@@ -5,6 +5,7 @@ window is closed, or when the extension is disabled.
 """
 
 import contextlib
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
@@ -24,11 +25,31 @@ class Activity(Protocol):
         """Write the result once; return the line to show, or "" if there is no result."""
 
 
+@dataclass(frozen=True)
+class Told:
+    """Message of a panel; it goes with the last of what it speaks of.
+
+    Args:
+        about: Names of the objects and actions that the message speaks of; none if it speaks of none.
+    """
+
+    text: str
+    icon: str
+    about: tuple[str, ...] = ()
+
+    @property
+    def stands(self) -> bool:
+        """Whether something of what the message speaks of is still there."""
+        objects = (bpy.data.objects.get(name) for name in self.about)
+        there = any(obj is not None and bool(obj.users_scene) for obj in objects)
+        return not self.about or there or any(name in bpy.data.actions for name in self.about)
+
+
 @dataclass
 class _State:
     activity: Activity | None = None
     timer: Any = None
-    messages: dict[str, tuple[str, str]] = field(default_factory=dict)
+    messages: dict[str, "Told"] = field(default_factory=dict)
 
 
 _state = _State()
@@ -69,19 +90,20 @@ def finish(context: bpy.types.Context) -> str:
     return activity.keep(context) if activity is not None else ""
 
 
-def set_message(panel: str, text: str, icon: str = "INFO") -> None:
-    """Set the message of a panel; "" clears it."""
-    _state.messages[panel] = (text, icon)
+def set_message(panel: str, text: str, icon: str = "INFO", about: Iterable[str] = ()) -> None:
+    """Set the message of a panel, about objects or actions with these names; "" clears it."""
+    _state.messages[panel] = Told(text, icon, tuple(about))
 
 
 def message(panel: str) -> tuple[str, str]:
     """Return the message of a panel and its icon."""
-    return _state.messages.get(panel, ("", "INFO"))
+    told = _state.messages.get(panel)
+    return (told.text, told.icon) if told is not None and told.stands else ("", "INFO")
 
 
 def messages() -> tuple[tuple[str, str], ...]:
     """Return the message of each panel that has one, and its icon."""
-    return tuple(_state.messages.values())
+    return tuple(map(message, _state.messages))
 
 
 def redraw_sidebars() -> None:

@@ -1,13 +1,19 @@
 """Jobs in a worker process, with progress and a result."""
 
+import time
 from collections.abc import Sequence
 from typing import Any
 
+from ...core.errors import counted
 from ...core.geometry.arrays import Image
 from ...core.worker.client import WorkerClient
 from ...core.worker.job_status import PoseCue
 from ...core.worker.protocol import Message, MessageKind
 from ...core.worker.requests import CommandRequest, Request
+
+# before this share, and this time, nothing is said about the time left
+_EARLY = 0.03
+_EARLY_S = 5.0
 
 
 def command(arguments: Sequence[str], gently: bool = False) -> CommandRequest:
@@ -48,6 +54,16 @@ class Job:
         self._first = first
         self._request, self._python = request, python
         self._client = None if first else WorkerClient(request, python)
+        self._begun_s = time.monotonic()
+
+    @property
+    def time_left(self) -> str:
+        """How much longer the job will take at its rate so far, in words; "" if that is not known yet."""
+        spent_s = time.monotonic() - self._begun_s
+        if self._first is not None or self.fraction < _EARLY or spent_s < _EARLY_S:
+            return ""
+        left_s = spent_s * (1.0 - self.fraction) / self.fraction
+        return f"about {counted(round(left_s / 60.0), 'minute')} left" if left_s > 90.0 else f"{left_s:.0f} s left"
 
     @property
     def ended(self) -> bool:
@@ -70,7 +86,9 @@ class Job:
             if not self._first.ended:
                 return
             self._first.close()
+            self._first = None
         self._client = WorkerClient(self._request, self._python)
+        self.fraction, self._begun_s = 0.0, time.monotonic()
 
     def _on_message(self, message: Message) -> None:
         if message.kind is MessageKind.PREVIEW:

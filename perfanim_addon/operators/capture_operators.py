@@ -17,6 +17,7 @@ from .database_operators import is_starter_missing, starter_job
 from .operator_bases import CheckedOperator, RunningOperator, defect, need, report_error
 
 PANEL = "capture"
+_TOO_SHORT = "the test walk was too short to say how good captures will be: walk about for ten seconds"
 _HAND_KEYS = dict(zip(("ONE", "TWO", "THREE", "FOUR", "FIVE"), HAND_POSES, strict=True))
 
 
@@ -40,6 +41,8 @@ class PERFANIM_OT_start_capture(CheckedOperator, bpy.types.Operator):
         self._status = ""
         activity.begin(context, capture, TUNING.tick_s)
         context.window_manager.modal_handler_add(self)
+        if not bpy.data.is_dirty and bpy.ops.ed.undo_push.poll():
+            bpy.ops.ed.undo_push(message=self.bl_label)  # so that quitting asks: Blender does only if the file changed
         return {"RUNNING_MODAL"}
 
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
@@ -90,7 +93,9 @@ class PERFANIM_OT_start_capture(CheckedOperator, bpy.types.Operator):
         text = ""
         try:
             text = capture.keep(context)
-            guide_steps.seen.walk = judge_capture(capture)
+            verdict = judge_capture(capture)
+            guide_steps.seen.is_walked = bool(verdict)
+            guide_steps.seen.walk = verdict or _TOO_SHORT
             offer.capture = refining_take(capture, settings(context))
         except PerfanimError as second:
             error = error or second
@@ -99,7 +104,7 @@ class PERFANIM_OT_start_capture(CheckedOperator, bpy.types.Operator):
             if not text and capture.by_button and is_counting:
                 text = "nothing was recorded"
             text = text or ("stopped in the countdown" if is_counting else "stopped before the first frame")
-            activity.set_message(PANEL, text)
+            activity.set_message(PANEL, text, about=capture.actions)
             self.report({"INFO"}, text)
         if error is not None:
             report_error(self, PANEL, error)
@@ -115,7 +120,7 @@ class PERFANIM_OT_start_capture(CheckedOperator, bpy.types.Operator):
         except PerfanimError as error:
             report_error(self, PANEL, error)
             return
-        activity.set_message(PANEL, text)
+        activity.set_message(PANEL, text, about=self._capture.actions)
         if text and bpy.ops.ed.undo_push.poll():
             bpy.ops.ed.undo_push(message=self.bl_label)
 

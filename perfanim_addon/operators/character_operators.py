@@ -41,7 +41,7 @@ class PERFANIM_OT_add_character(UndoOperator, bpy.types.Operator):
         add_character(context, performer_skeleton(settings(context)))
 
 
-def _candidates(context: bpy.types.Context) -> list[bpy.types.Object]:
+def active_armatures(context: bpy.types.Context) -> list[bpy.types.Object]:
     """Return the armature of the active object or its parents, or those of its children.
 
     Importers leave a mesh or an empty of the character active.
@@ -66,13 +66,13 @@ class PERFANIM_OT_use_active_armature(UndoOperator, bpy.types.Operator):
 
     @classmethod
     def missing_input(cls, context: bpy.types.Context) -> str:
-        count = len(_candidates(context))
+        count = len(active_armatures(context))
         if count > 1:
             return f"{context.object.name} has {count} armatures: select one of them"
         return "" if count else "Select an armature first"
 
     def run(self, context: bpy.types.Context) -> None:
-        (armature_object,) = _candidates(context)
+        (armature_object,) = active_armatures(context)
         if joints_without_bone(armature_object):
             find_map(armature_object, user_folder(PRESETS_FOLDER))  # raises for anything but humanoids
         settings(context).armature = armature_object

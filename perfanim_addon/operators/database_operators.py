@@ -37,7 +37,7 @@ def starter_job(panel: str, python: str | None) -> Job:
 
 def is_starter_missing(context: bpy.types.Context) -> bool:
     """Return True if the starter database is in use and has not been built yet."""
-    return not settings(context).database and not readiness.starter_database_path().exists()
+    return readiness.uses_starter(settings(context)) and not readiness.starter_database_path().exists()
 
 
 class SolvingOperator(JobOperator):

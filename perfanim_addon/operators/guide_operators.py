@@ -8,6 +8,7 @@ from ...core.geometry.arrays import Image
 from ...core.subjects.setup_check.finding import Fault
 from ...core.worker.requests import CheckSetupRequest, ShowCamerasRequest
 from ..capture import capture_request
+from ..preferences import preferences
 from ..preferences.paths import absolute, user_folder
 from ..preferences.property_kinds import HIDDEN, whole_number
 from ..settings import camera_choice, guide_steps, ignored_places, readiness
@@ -94,6 +95,26 @@ class PERFANIM_OT_check_setup(_PictureJob, bpy.types.Operator):
         return "; ".join(filter(None, ("no fault was found", space, summary.get("floor_advice"))))
 
 
+class PERFANIM_OT_propose_exposure(PanelOperator, bpy.types.Operator):
+    """Set the exposure that keeps fast markers sharp on both cameras; reflective markers stay bright enough"""
+
+    bl_label = f"Set {preferences.PROPOSED_MS} ms"
+    panel = PANEL
+
+    @classmethod
+    def missing_input(cls, context: bpy.types.Context) -> str:
+        is_set = all(
+            not camera.exposure_auto and camera.exposure_ms <= preferences.PROPOSED_MS
+            for camera in preferences.cameras_of(context)
+        )
+        return "Both cameras have such an exposure" if is_set else ""
+
+    def run(self, context: bpy.types.Context) -> None:
+        for camera in preferences.cameras_of(context):
+            camera.exposure_auto, camera.exposure_ms = False, preferences.PROPOSED_MS
+        guide_steps.seen.forget_pictures()
+
+
 class PERFANIM_OT_ignore_reflections(PanelOperator, bpy.types.Operator):
     """From now on, ignore bright spots at the ringed places, or at one of them,
     live and in videos tracked with this calibration. A marker that passes through such a place is not seen there, so it
@@ -143,3 +164,14 @@ class PERFANIM_OT_skip_step(PanelOperator, bpy.types.Operator):
 
     def run(self, context: bpy.types.Context) -> None:
         guide_steps.skip(settings(context))
+
+
+class PERFANIM_OT_unskip_steps(PanelOperator, bpy.types.Operator):
+    """Go back to the first step that was skipped"""
+
+    bl_label = "Go Back to Skipped Steps"
+    panel = PANEL
+    missing_input = need(lambda _context: guide_steps.seen.skipped, "No step was skipped")
+
+    def run(self, context: bpy.types.Context) -> None:
+        guide_steps.seen.skipped.clear()

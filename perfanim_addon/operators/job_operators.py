@@ -28,6 +28,7 @@ class JobOperator(CheckedOperator):
     title = ""
     panel = ""
     finishable = False
+    about: tuple[str, ...] = ()  # names of the objects and actions that the result speaks of
 
     @abstractmethod
     def arguments(self, context: bpy.types.Context) -> list[str]:
@@ -76,7 +77,8 @@ class JobOperator(CheckedOperator):
             return self._fail(context, error)
         except Exception as error:  # a bug must not leave timer and worker behind
             return self._fail(context, defect(error))
-        context.workspace.status_text_set(f"{job.title}: {job.fraction:.0%} {job.text}")
+        left = f", {job.time_left}" if job.time_left else ""
+        context.workspace.status_text_set(f"{job.title}: {job.fraction:.0%} {job.text}{left}")
         activity.redraw_sidebars()
         return {"PASS_THROUGH"}
 
@@ -87,7 +89,7 @@ class JobOperator(CheckedOperator):
 
     def _finish(self, context: bpy.types.Context, text: str, ok: bool = False) -> set[str]:
         context.workspace.status_text_set(None)
-        activity.set_message(self.panel, text)
+        activity.set_message(self.panel, text, about=self.about)
         activity.redraw_sidebars()
         self.report({"INFO"}, text)
         return {"FINISHED"} if ok else {"CANCELLED"}

@@ -65,6 +65,7 @@ class PanelOperator(CheckedOperator):
     """Base of operators that `run` at once; the `panel` shows their result or error."""
 
     panel = ""
+    about: tuple[str, ...] = ()  # names of the objects and actions that the result speaks of
 
     @abstractmethod
     def run(self, context: bpy.types.Context) -> str | None:
@@ -75,7 +76,7 @@ class PanelOperator(CheckedOperator):
             text = self.run(context) or ""
         except PerfanimError as error:
             return report_error(self, self.panel, error)
-        activity.set_message(self.panel, text)
+        activity.set_message(self.panel, text, about=self.about)
         if text:
             self.report({"INFO"}, text)
         return {"FINISHED"}

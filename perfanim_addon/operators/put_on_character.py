@@ -47,8 +47,8 @@ def recorded_poses(take: TakeFile, motion: TakeMotion) -> list[ScenePose]:
     return poses
 
 
-def put_on_character(context: bpy.types.Context, path: Path) -> str:
-    """Write a take to the chosen or new characters and objects; return the line to show."""
+def put_on_character(context: bpy.types.Context, path: Path) -> tuple[str, tuple[str, ...]]:
+    """Write a take to the chosen or new characters and objects; return the line to show, and the actions' names."""
     take = read_take_file(path)
     motion = take_motion(context, take)
     poses = recorded_poses(take, motion)
@@ -57,7 +57,8 @@ def put_on_character(context: bpy.types.Context, path: Path) -> str:
     take_library.mark_played(path, name)
     text = f"{counted(len(poses), 'frame')} in {', '.join(actions)} on {name}{doubts(motion, [part])}"
     unsolved = take.frame_count - len(take.poses)
-    return f"{text}; {counted(unsolved, 'more frame')} without a pose: use Solve Again" if unsolved > 0 else text
+    text += f"; {counted(unsolved, 'more frame')} without a pose: use Solve Again" * (unsolved > 0)
+    return text, tuple(actions)
 
 
 class PERFANIM_OT_play_take(TakeOperator, PanelOperator, bpy.types.Operator):
@@ -66,7 +67,8 @@ class PERFANIM_OT_play_take(TakeOperator, PanelOperator, bpy.types.Operator):
     bl_label = "Put on Character"
 
     def run(self, context: bpy.types.Context) -> str:
-        return put_on_character(context, Path(self.path))
+        text, self.about = put_on_character(context, Path(self.path))
+        return text
 
 
 class PERFANIM_OT_recover_take(TakeOperator, JobOperator, bpy.types.Operator):
@@ -85,4 +87,7 @@ class PERFANIM_OT_recover_take(TakeOperator, JobOperator, bpy.types.Operator):
         path.rename(path.with_name(path.name + take_library.RECOVERED_SUFFIX))
         take_library.forget()
         text = f"{counted(summary['frames'], 'frame')} recovered, {summary['duration_s']:.1f} s"
-        return f"{text}; {put_on_character(context, self._target)}" if summary["poses"] else f"{text}: use Solve Again"
+        if not summary["poses"]:
+            return f"{text}: use Solve Again"
+        put, self.about = put_on_character(context, self._target)
+        return f"{text}; {put}"

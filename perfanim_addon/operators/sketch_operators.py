@@ -35,6 +35,7 @@ from .operator_bases import RunningOperator, UndoOperator, need, report_error
 
 PANEL = live_sketch.KEY
 _CONTROLS = "choose at least one control, such as the hands or the hips"
+_KEY = "move one, press I to key it, go to another frame, move and key it there, then click Solve Sketch"
 _NO_STARTER = "Click Solve Sketch once: it builds the starter database"
 
 
@@ -91,7 +92,7 @@ class PERFANIM_OT_add_controls(UndoOperator, bpy.types.Operator):
         if self.from_action:
             keyed = counted(key_controls(context, armature), "frame")
             return f"{counted(len(controls_of(armature)), 'control')} keyed in {keyed}"
-        return f"{counted(len(names), 'control')} added" if names else "the chosen controls already exist"
+        return f"{counted(len(names), 'control')} added: {_KEY}" if names else f"the chosen controls exist: {_KEY}"
 
 
 class PERFANIM_OT_follow_rig(_SketchOperator, bpy.types.Operator):

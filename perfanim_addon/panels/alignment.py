@@ -32,9 +32,10 @@ def content() -> _Content:
     """Return everything that makes panels grow without an action by the user."""
     capture = running_capture()
     if capture is None or capture.run is None:
-        return type(activity.current()), activity.messages()
+        shown = bpy.context.window_manager.perfanim_takes  # filled after it was drawn
+        return type(activity.current()), activity.messages(), len(shown.entries), shown.active
     run, changes = capture.run, offer.refined.changes if offer.refined is not None else ()
-    return run.statistics.waiting > 1, len(further_performers(capture)), run.notice, changes
+    return run.statistics.waiting > 1, len(further_performers(capture)), run.notices, changes
 
 
 class _Empty(SidebarPanel):

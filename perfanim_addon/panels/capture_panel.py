@@ -75,7 +75,13 @@ class PERFANIM_PT_capture(SidebarPanel, bpy.types.Panel):
             draw_progress(layout, confidence, f"{name} {confidence:.0%}")
         if figures.waiting > 1:
             layout.label(text=f"Solver {figures.waiting} frames behind", icon="SORTTIME")
-        draw_text(context, layout, run.notice if run else "", "ERROR")
+        draw_notices(context, layout, capture)
+
+
+def draw_notices(context: bpy.types.Context, layout: bpy.types.UILayout, capture: LiveCapture) -> None:
+    """Draw the current problems of a capture."""
+    for text in capture.run.notices if capture.run else ():
+        draw_text(context, layout, text, "ERROR")
 
 
 class PERFANIM_PT_capture_settings(SidebarPanel, bpy.types.Panel):

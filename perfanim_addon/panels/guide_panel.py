@@ -12,9 +12,11 @@ from ..preferences.property_kinds import draw_props, property_column
 from ..preferences.sidebar_tab import SidebarPanel
 from ..settings import guide_steps, readiness
 from ..settings.capture_settings import settings
+from .capture_panel import draw_notices
 from .panel_drawing import draw_job, draw_text, header_status
 from .step_panels import PERFANIM_PT_camera_controls, draw_ignored, draw_source
 
+_NEXT = "Next: choose your own character under Character, and capture; every capture is listed under Takes"
 _BY_HEIGHT = ("average_performer", "check_setup", "calibrate_walking")
 _BOARD, _FOLDERS = ("board_columns", "board_rows", "board_square_mm"), ("board_left", "board_right")
 
@@ -38,19 +40,30 @@ class PERFANIM_PT_guide(SidebarPanel, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         layout, chosen = self.layout, settings(context)
         number, step, state = guide_steps.next_step(chosen)
-        done = ", ".join(step.title for step in guide_steps.steps(chosen)[:number])
+        past = guide_steps.steps(chosen)[:number]
+        skipped = ", ".join(step.title for step in past if guide_steps.is_skipped(chosen, step))
+        done = ", ".join(step.title for step in past if not guide_steps.is_skipped(chosen, step))
         draw_text(context, layout, f"Done: {done}" if done else "", "CHECKMARK")
+        if skipped:
+            row = layout.row()
+            draw_text(context, row, f"Skipped: {skipped}", "FF")
+            row.operator("perfanim.unskip_steps", text="", icon="LOOP_BACK")
         draw_text(context, layout, f"{number + 1}. {step.title}", "FORWARD")
         draw_text(context, layout, step.text(chosen), "BLANK1")
-        if running_capture() is not None:
+        capture = running_capture()
+        if capture is not None:
             layout.operator("perfanim.stop_capture", icon="SNAP_FACE")
+            draw_notices(context, layout, capture)
             return
         _draw_settings(property_column(layout), chosen, step)
         if step is guide_steps.EXPOSURE and PERFANIM_PT_camera_controls.poll(context):
             preferences.draw_camera_controls(property_column(layout), context.preferences.addons[ADDON].preferences)
+            layout.operator("perfanim.propose_exposure", icon="LIGHT_SUN")
         is_faulty = state.state is readiness.StepState.FAULTY
         for line in state.problem.splitlines() if is_faulty else ():
             draw_text(context, layout, line, "ERROR")
+        if is_faulty and chosen.source == "SIMULATED" and chosen.practise_fault != "NONE":
+            draw_text(context, layout, "in this practice, set Fault to None instead", "INFO")
         _draw_reflections(layout, chosen)
         draw_ignored(context, layout, chosen)
         name = step.operator(chosen)
@@ -58,6 +71,8 @@ class PERFANIM_PT_guide(SidebarPanel, bpy.types.Panel):
             body_network.draw_buttons(layout)
         elif name:
             layout.operator(f"perfanim.{name}", icon="PLAY")
+        if name == "calibrate_board" and chosen.source == "CAMERAS":
+            layout.operator("perfanim.save_board", icon="FILE")
         passing = step.passing(chosen)
         if passing:
             layout.operator("perfanim.skip_step", text=passing, icon="FF")
@@ -68,6 +83,7 @@ class PERFANIM_PT_guide(SidebarPanel, bpy.types.Panel):
         draw_text(context, layout, guide_steps.space(chosen), "ARROW_LEFTRIGHT")
         if step is guide_steps.STEPS[-1]:
             draw_text(context, layout, guide_steps.seen.walk, "ARMATURE_DATA")
+            draw_text(context, layout, _NEXT if guide_steps.seen.is_walked else "", "FORWARD")
 
 
 def _draw_reflections(layout: bpy.types.UILayout, chosen: Any) -> None:
@@ -90,5 +106,7 @@ def _draw_settings(layout: bpy.types.UILayout, chosen: Any, step: guide_steps.Gu
     is_simulated, button = chosen.source == "SIMULATED", step.operator(chosen)
     hidden = {"practise_fault": not is_simulated, "subject_height": button not in _BY_HEIGHT}
     hidden |= dict.fromkeys(_BOARD, is_simulated or button == "calibrate_walking")
+    if any(name in step.drawn and not hidden.get(name) for name in _BOARD):
+        layout.label(text="Squares of the Board" if chosen.board_kind == "CHARUCO" else "Inner Corners of the Board")
     hidden |= dict.fromkeys(_FOLDERS, button != "calibrate_cameras")
     draw_props(layout, chosen, *(name for name in step.drawn if not hidden.get(name)))

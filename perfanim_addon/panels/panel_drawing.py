@@ -58,6 +58,8 @@ def draw_job(layout: bpy.types.UILayout, panel: str) -> None:
         row = layout.row(align=True)
         draw_progress(row, job.fraction, job.text)
         row.operator("perfanim.cancel_job", text="", icon="X")
+        if job.time_left:
+            layout.label(text=job.time_left[:1].upper() + job.time_left[1:], icon="TIME")
         if job.finishable:
             layout.operator("perfanim.finish_job", icon="CHECKMARK")
 

@@ -15,7 +15,7 @@ from ...core.solver.settings import SolveSettings
 from .. import take_library
 from ..capture.live_capture import running_capture
 from ..jobs import activity
-from ..preferences.property_kinds import collection, draw_props, property_column, string, whole_number
+from ..preferences.property_kinds import collection, draw_props, property_column, string, switch, whole_number
 from ..preferences.sidebar_tab import SidebarPanel
 from ..settings import result_settings
 from ..settings.performer_refinement import offer
@@ -62,6 +62,7 @@ class PERFANIM_PG_takes(bpy.types.PropertyGroup):
     attached_to = (bpy.types.WindowManager, "perfanim_takes")
     entries: collection("Takes", "The takes in the folder", PERFANIM_PG_take)
     active: bpy.props.IntProperty(name="Take", description="Take shown below the list")
+    this_file: switch("This File", "List only takes that were captured in this file, or first put on a character in it")
 
 
 class PERFANIM_UL_takes(panel_drawing.RowList, bpy.types.UIList):
@@ -91,11 +92,13 @@ class PERFANIM_PT_takes(SidebarPanel, bpy.types.Panel):
         if running_capture() is not None:
             layout.label(text="Takes are listed after the capture")
             return
-        layout.operator("perfanim.import_takes", icon="IMPORT")
+        layout.operator("perfanim.import_takes", text="Import...", icon="IMPORT")
         shown = _list(context)
         if not take_library.listed():
             layout.label(text="Every capture is kept here")
-        elif shown.entries:
+        else:
+            if bpy.data.filepath:
+                layout.prop(shown, "this_file")
             layout.template_list("PERFANIM_UL_takes", "", shown, "entries", shown, "active", rows=4)
         if 0 <= shown.active < len(shown.entries):
             _draw_take(context, layout, shown.entries[shown.active])
@@ -195,7 +198,8 @@ def _list(context: bpy.types.Context) -> PERFANIM_PG_takes:
 
 
 def _paths() -> list[str]:
-    return [str(take.path) for take in take_library.listed()]
+    chosen = bpy.context.window_manager.perfanim_takes.this_file
+    return [str(take.path) for take in (take_library.in_project() if chosen else take_library.listed())]
 
 
 def _fill() -> None:

@@ -9,7 +9,7 @@ _CAPTURE, _SKETCH = "capture-in-blender.html", "sketch-in-blender.html"
 
 # Patterns of operators and settings per page; the first match counts.
 _OPERATORS = (
-    (f"{_CAPTURE}#guide", "show_cameras skip_step"),
+    (f"{_CAPTURE}#guide", "show_cameras skip_step unskip_steps propose_exposure"),
     ("people.html", "*body_network"),
     ("hardware.html#check-it", "check_setup ignore_reflections forget_ignored"),
     ("calibration.html#performer", "calibrate_performer calibrate_subject"),
@@ -22,7 +22,7 @@ _OPERATORS = (
     (f"{_CAPTURE}#character", "*_character *bone* use_active_armature show_t_pose"),
     (f"{_CAPTURE}#additional-targets", "*_target"),
     ("batch.html", "*batch*"),
-    ("marker-takes.html", "import_takes"),
+    ("marker-takes.html#in-blender", "import_takes"),
     (_SKETCH, "*sketch* add_controls draw_hips_path follow_* *behaviour show_motion_paths"),
     (f"{_CAPTURE}#clean-up-motion", "*_motion remove_pop hold_feet"),
     (f"{_CAPTURE}#takes-and-batches", "*take*"),

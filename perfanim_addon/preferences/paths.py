@@ -48,6 +48,11 @@ def _own_folder(path: str) -> Path:
     return Path(bpy.utils.user_resource("DATAFILES", path="perfanim")) / path
 
 
+def default_folder(kind: str) -> Path:
+    """Return the add-on's own folder for a kind of data, or the one that holds those for all profiles."""
+    return _own_folder(_PROFILES[0]).parent if kind == "profiles" else _own_folder(kind)
+
+
 def folder_problem(kind: str) -> str:
     """Return the reason why a chosen folder cannot be used, or ""."""
     base, _ = _chosen((kind,))

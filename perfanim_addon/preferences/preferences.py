@@ -7,8 +7,8 @@ import bpy
 
 from ...core.solver.settings import METHODS
 from ...core.vision.sources.source_requests import CameraControls
-from . import body_network, diagnostics_ui, sidebar_tab
-from .paths import ADDON, CHOSEN_FOLDERS, folder_problem
+from . import body_network, diagnostics_ui, manual, sidebar_tab
+from .paths import ADDON, CHOSEN_FOLDERS, default_folder, folder_problem
 from .property_kinds import choice, draw_props, file_path, folder_path, number, pointer, string, switch, whole_number
 from .sidebar_tab import DEFAULT_TAB
 
@@ -18,6 +18,9 @@ _METHOD_TEXTS = {
     "lwr": "Locally weighted regression of the nearest recorded poses",
     "nearest": "The nearest recorded pose, unchanged",
 }
+
+
+PROPOSED_MS = 4  # exposure time that keeps fast markers sharp
 
 
 def _marker_sets(_self: object, _context: object, typed: str) -> Iterator[str]:
@@ -38,7 +41,7 @@ class PERFANIM_PG_camera_controls(bpy.types.PropertyGroup):
     """Controls of one camera, stored in the preferences."""
 
     exposure_auto: _automatic("exposure")
-    exposure_ms: number("Exposure (ms)", "Exposure time: 2 to 4 ms keep fast markers sharp", 4, 0.1, 1000)
+    exposure_ms: number("Exposure (ms)", "Exposure time: 2 to 4 ms keep fast markers sharp", PROPOSED_MS, 0.1, 1000)
     gain_auto: _automatic("gain")
     gain: number("Gain", "In the camera's own units", 0, 0, 1000)
     focus_auto: _automatic("focus")
@@ -76,11 +79,14 @@ class PERFANIM_AP_preferences(bpy.types.AddonPreferences):
 
     def draw(self, context: bpy.types.Context) -> None:
         layout = self.layout
+        layout.operator("wm.url_open", text="Manual", icon="HELP").url = (manual.FOLDER / "index.html").as_uri()
         layout.use_property_split = True
         layout.prop(self, "tab")
         folders = _section(layout, "Folders")
         for kind, name in CHOSEN_FOLDERS.items():
             folders.prop(self, name)
+            if not getattr(self, name):
+                folders.label(text=f"Now {default_folder(kind)}", icon="FILE_FOLDER")
             problem = folder_problem(kind)
             if problem:
                 folders.label(text=problem, icon="ERROR")
@@ -113,6 +119,12 @@ def camera_controls(context: bpy.types.Context) -> tuple[CameraControls, ...]:
     """Return the controls of the left and right camera for the worker."""
     found = chosen(context)
     return (_controls(found.left_camera), _controls(found.right_camera)) if found else ()
+
+
+def cameras_of(context: bpy.types.Context) -> list[PERFANIM_PG_camera_controls]:
+    """Return the stored controls of the left and right camera, none if the add-on is loaded as a plain package."""
+    found = chosen(context)
+    return [found.left_camera, found.right_camera] if found else []
 
 
 def _controls(camera: PERFANIM_PG_camera_controls) -> CameraControls:

@@ -52,6 +52,12 @@ def has_thumbnails() -> bool:
     return _seen.thumbnails is not None
 
 
+def are_there(settings: Any) -> bool:
+    """Return True unless a chosen camera is known not to be plugged in."""
+    chosen = {settings.left_device, settings.right_device} - {NONE, NETWORK}
+    return chosen <= set(_seen.devices or device_numbers())
+
+
 def items_of(setting: str, optional: bool) -> Callable[[Any, object], list[Item]]:
     """Return a function that lists the cameras for a setting with a device number."""
 

@@ -240,8 +240,8 @@ class PERFANIM_PG_settings(bpy.types.PropertyGroup):
         0,
         20000,
     )
-    board_left: folder_path("Left", "Folder with the left camera's images of the board")
-    board_right: folder_path("Right", "Folder with the right camera's images of the board")
+    board_left: folder_path("Board Left", "Folder with the left camera's images of the board")
+    board_right: folder_path("Board Right", "Folder with the right camera's images of the board")
 
     # Markers panel
     marker_set: dynamic_choice("Set", "Markers on the performer", lambda _context: _marker_set_items())

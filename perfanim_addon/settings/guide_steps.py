@@ -9,6 +9,7 @@ import bpy
 from ...core.subjects.setup_check.finding import PICTURE_FAULTS, Fault, Place
 from ..preferences.paths import absolute
 from . import readiness
+from .camera_choice import are_there
 from .readiness import StepState, StepStatus
 
 _PICTURES = (
@@ -53,6 +54,7 @@ class Seen:
     findings: tuple[tuple[str, str], ...] = ()
     reflections: dict[int, Place] = field(default_factory=dict)  # by their number in the picture
     walk: str = ""  # verdict on the last capture
+    is_walked: bool = False  # whether that capture was long enough for a verdict
     space: str = ""
     skipped: dict[str, tuple[Any, ...]] = field(default_factory=dict)
 
@@ -97,6 +99,11 @@ def skip(settings: Any) -> None:
     seen.skipped[next_step(settings)[1].title] = _pictures(settings)
 
 
+def is_skipped(settings: Any, step: GuideStep) -> bool:
+    """Return whether a step counts as passed only because it was skipped."""
+    return not step.state(settings).ready and seen.skipped.get(step.title) == _pictures(settings)
+
+
 def space(settings: Any) -> str:
     """Return a description of the space that all cameras see, from the last check; "" if unknown."""
     return seen.space if seen.setup == _setup(settings) else ""
@@ -107,7 +114,7 @@ def next_step(settings: Any) -> tuple[int, GuideStep, StepStatus]:
     chosen = steps(settings)
     for number, step in enumerate(chosen[:-1]):
         state = step.state(settings)
-        if not state.ready and seen.skipped.get(step.title) != _pictures(settings):
+        if not state.ready and not is_skipped(settings, step):
             return number, step, state
     return len(chosen) - 1, chosen[-1], _TODO
 
@@ -233,7 +240,9 @@ STEPS = (
         "guide",
         _source,
         passing=lambda settings: (
-            "Use These Cameras" if settings.source == "CAMERAS" and readiness.pictures(settings).ready else ""
+            "Use These Cameras"
+            if settings.source == "CAMERAS" and readiness.pictures(settings).ready and are_there(settings)
+            else ""
         ),
     ),
     EXPOSURE,

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from ...core.body.standard_skeleton import default_skeleton
+from ...core.database.starter_database import STARTER
 from ...core.database.store import DATABASE_SUFFIX, OLD_DATABASE_SUFFIX, open_database
 from ...core.errors import CaptureError, PerfanimError, SubjectError
 from ...core.geometry.camera import CameraRig
@@ -158,9 +159,14 @@ def starter_database_path() -> Path:
     return old if old.exists() and not new.exists() else new
 
 
+def uses_starter(settings: Any) -> bool:
+    """Return True if the starter database is in use: no other is chosen, or its name is typed."""
+    return settings.database in ("", STARTER)
+
+
 def database_path(settings: Any) -> Path:
     """Return the file of the database in use."""
-    return Path(absolute(settings.database)) if settings.database else starter_database_path()
+    return starter_database_path() if uses_starter(settings) else Path(absolute(settings.database))
 
 
 def pictures(settings: Any) -> StepStatus:
@@ -315,7 +321,7 @@ def performer_text(path: str) -> str:
 def motion(settings: Any) -> StepStatus:
     """Return the status of the Motion Database panel."""
     path = database_path(settings)
-    if not settings.database and not exists(path):
+    if uses_starter(settings) and not exists(path):
         return ready("starter")
     try:
         frames = database_frames(str(path))

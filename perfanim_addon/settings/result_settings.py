@@ -68,7 +68,7 @@ class PERFANIM_PG_result(bpy.types.PropertyGroup):
         "RECORDED",
     )
     only_selected: switch(
-        "Selected Bones Only", "Animate only the bones selected in Pose Mode; the others keep their own animation"
+        "Selected Only", "Animate only the bones selected in Pose Mode; the others keep their own animation"
     )
     doubtful: choice(
         "Doubtful Poses",

@@ -177,9 +177,10 @@ def test_a_take_is_put_on_the_character(part: Any, chosen: Any, takes: Any) -> N
     path = write_take(takes.folder(), "walk", frames=30, poses=20)
     bpy.context.scene.render.fps = 60
     bpy.context.scene.frame_current = 11
-    text = part("operators.put_on_character").put_on_character(bpy.context, path)
+    text, actions = part("operators.put_on_character").put_on_character(bpy.context, path)
     armature = chosen.armature
     assert text == f"20 frames in walk on {armature.name}; 10 more frames without a pose: use Solve Again"
+    assert actions == ("walk",)
     np.testing.assert_allclose(key_times(curves_of(armature)), np.arange(11, 31), atol=1e-3)
     with pytest.raises(Exception, match="has no solved poses"):
         part("operators.put_on_character").put_on_character(bpy.context, write_take(path.parent, "none", poses=0))
@@ -193,3 +194,20 @@ def test_a_capture_that_outlived_blender_is_offered_until_it_is_on_a_character(
     part("operators.put_on_character").put_on_character(bpy.context, path)
     assert takes.cut_off() == []
     assert [item.title for item in listed_takes()] == ["walk"]
+
+
+def test_takes_belong_to_the_file_in_which_they_were_put_on_a_character(
+    part: Any, takes: Any, listed_takes: Any, tmp_path: Path
+) -> None:
+    for name in ("walk", "run"):
+        write_take(takes.folder(), name)
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
+    assert takes.in_project() == []
+    takes.mark_played(takes.folder() / "walk.perftake", "Hero")
+    assert [take.notes.name for take in takes.in_project()] == ["walk"]
+    bpy.context.window_manager.perfanim_takes.this_file = True
+    assert [item.title for item in listed_takes()] == ["walk"]
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    takes.mark_played(takes.folder() / "walk.perftake", "Other")  # the project stays
+    assert len(takes.in_project()) == 2  # an unsaved file has none of its own
+    bpy.context.window_manager.perfanim_takes.this_file = False

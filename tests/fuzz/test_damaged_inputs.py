@@ -27,7 +27,8 @@ HUNG_S = 60
 NAMES = (
     *("BVH", "ASF", "AMC", "archive", "tar archive", "board points"),
     *("TRC", "CSV", "array of keypoints", "Qualisys TSV", "C3D", "marker take", "recorded take", "database"),
-    *("calibration", "subject", "marker set", "prop", "bone map", "sketch", "names", "plan"),
+    *("calibration", "stereo calibration in JSON", "stereo calibration in YAML", "subject"),
+    *("marker set", "prop", "bone map", "sketch", "names", "plan"),
     *("pictures", "videos", "VMC packets", "worker messages", "marker frames", "poses", "worker requests"),
     *("image sources", "command line"),
 )

@@ -17,7 +17,7 @@ def run_job(part: Any, operator: Any, clicked: Any) -> str:
     """
     clicked.arguments = partial(operator.arguments, clicked)
     clicked.request = partial(operator.request, clicked)
-    for name in ("uses_starter", "build_options", "chosen_files"):
+    for name in ("uses_starter", "build_options", "chosen_files", "_performer"):
         if hasattr(operator, name):
             setattr(clicked, name, partial(getattr(operator, name), clicked))
     for name in ("title", "panel", "finishable"):

@@ -71,6 +71,14 @@ def test_the_add_on_is_tested_on_each_blender_of_the_makefile():
     assert manifest["blender_version_min"] == f"{oldest}.0"
 
 
+def test_the_add_on_is_tested_on_the_next_blenders():
+    job = JOBS["blender-next.yml", "addon"]
+    assert set(job["strategy"]["matrix"]["blender"]) == {"release", "daily"}
+    assert ["python", "tools/newest_blender.py", "${{", "matrix.blender", "}}", "--to", "newest"] in commands(job)
+    text = (ROOT / ".github" / "workflows" / "blender-next.yml").read_text(encoding="utf-8")
+    assert yaml.safe_load(text)[True]["schedule"], "it runs without a push"  # YAML reads `on` as true
+
+
 def test_each_target_is_phony_and_has_a_line_of_help():
     text = (ROOT / "Makefile").read_text(encoding="utf-8")
     phony = set(re.search(r"^\.PHONY: (.+)$", text.replace("\\\n", " "), re.MULTILINE)[1].split())

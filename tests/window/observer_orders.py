@@ -60,6 +60,19 @@ def order_call(order):
             return {"error": str(error)}
 
 
+def order_drop(order):
+    """Drop files on the 3D viewport: what Blender calls when it gets them from the system."""
+    window = bpy.context.window_manager.windows[0]
+    area = next(area for area in window.screen.areas if area.type == "VIEW_3D")
+    region = next(region for region in area.regions if region.type == "WINDOW")
+    files = [Path(path) for path in order["paths"]]
+    with bpy.context.temp_override(window=window, area=area, region=region):
+        bpy.ops.wm.drop_import_file(
+            "INVOKE_DEFAULT", directory=str(files[0].parent), files=[{"name": path.name} for path in files]
+        )
+    return {}
+
+
 def order_click(order):
     """Invoke an operator as a button does, which goes on by itself."""
     window = bpy.context.window_manager.windows[0]
@@ -219,6 +232,7 @@ ORDERS = {
     "click": order_click,
     "targets": order_targets,
     "draw_text": order_draw_text,
+    "drop": order_drop,
     "armatures": order_armatures,
     "joints": order_joints,
     "map": order_map,

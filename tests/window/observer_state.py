@@ -42,7 +42,7 @@ def capture_facts():
     running, capture = part("jobs.activity"), part("operators.capture_operators")
     if running is None or capture is None:
         return {"registered": False}
-    messages = {panel: text for panel, (text, _icon) in running._state.messages.items()}
+    messages = {panel: running.message(panel)[0] for panel in running._state.messages}
     facts = {"registered": True, "messages": messages, "activity": None, "heading": ""}
     facts["walk"] = part("settings.guide_steps").seen.walk
     activity = running.current()

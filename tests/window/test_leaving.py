@@ -75,3 +75,21 @@ def test_whatever_ends_a_capture_leaves_nothing(desktop: Desktop, window: Blende
     assert [process for process in processes if Path(f"/proc/{process}").exists()] == []
     for word in ("Traceback", "Exception", "ReferenceError", "leak"):
         assert word not in window.log(), window.log()
+
+
+def test_quitting_during_the_first_capture_of_a_file_asks(desktop: Desktop, window: BlenderWindow) -> None:
+    window.open_tab("Perfanim")
+    start(window)
+    view = window.state()["regions"]["WINDOW"]
+    desktop.move(*window.from_top(view, view[2] * 0.3, view[3] * 0.5))
+    desktop.key("ctrl+q")
+    time.sleep(3.0)
+    desktop.screenshot("leaving-3-asks")
+    wait_for_more(window)  # Blender is still there, and so is the capture
+    desktop.key("Escape")
+    time.sleep(1.0)
+    assert "result" in window.order("call", operator="stop_capture")
+    state = ended(window, "end of the capture")
+    assert len(state["actions"]) == 1
+    window.order("undo", operator="undo")  # still one step
+    assert not window.state()["actions"]

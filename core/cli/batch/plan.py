@@ -16,6 +16,7 @@ from enum import Enum
 from pathlib import Path, PurePath
 from typing import Annotated, Any, TypeAlias
 
+from ...database.starter_database import STARTER, starter_database
 from ...errors import PerfanimError, SettingsError
 from ...formats.markers.marker_files import READABLE, is_recorded
 from ...formats.motion.write_motion import ANGLES, BVH, MOTION_ENDINGS
@@ -281,7 +282,8 @@ def _merge(shared: Mapping[str, Value], own: Mapping[str, Value]) -> dict[str, V
 def _resolve_paths(table: Table, folder: Path, where: str) -> dict[str, Value]:
     """Return the options of a table, checked, with absolute paths."""
     options = SETTINGS.read(table, where)
-    return {key: _resolved(getattr(options, key), HOLDS.get(key), folder) for key in table}
+    named = {"database": str(starter_database())} if options.database == STARTER else {}  # built before it is shared
+    return {key: _resolved(getattr(options, key), HOLDS.get(key), folder) for key in table} | named
 
 
 def _resolved(value: Any, holds: Holds | None, folder: Path) -> Value:

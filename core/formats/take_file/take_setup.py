@@ -113,6 +113,7 @@ class TakeNotes:
         About("first and last frame number between countdown and automatic end; by default all", "", -_MOST, _MOST),
     ] = None
     filters: Annotated[Table | None, About("`FilterSettings` at the capture")] = None
+    project: Annotated[str, About("Blender file in which the take was captured or first put on a character")] = ""
     verdict: Annotated[str, About("verdict of the solve: good, or why not; empty if it was not solved offline")] = ""
 
     def __post_init__(self) -> None:

@@ -3,8 +3,9 @@
 from pathlib import PurePosixPath
 from urllib.parse import urlsplit
 
+from .file_endings import VIDEO_ENDINGS
+
 _PREFIXES = ("http://", "https://", "rtsp://", "rtmp://", "udp://", "tcp://")
-_VIDEO_EXTENSIONS = (".mp4", ".m4v", ".mov", ".avi", ".mkv", ".webm")
 
 
 def is_address(text: str) -> bool:
@@ -20,7 +21,7 @@ def is_stream(text: str) -> bool:
         path = urlsplit(text).path
     except ValueError:  # an unmatched bracket, which is reported when the address is opened
         return True
-    return PurePosixPath(path).suffix.lower() not in _VIDEO_EXTENSIONS
+    return PurePosixPath(path).suffix.lower() not in VIDEO_ENDINGS
 
 
 def camera_name(device: int | str) -> str:

@@ -15,9 +15,8 @@ from ...errors import CaptureError
 from ...geometry.arrays import Image
 from ...system.file_content import check_kind
 from ...system.files import atomic_path, is_file, is_folder, read_bytes, reading
+from .file_endings import IMAGE_SUFFIXES
 from .image_header import check_image_size, image_size
-
-IMAGE_SUFFIXES = (".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".webp", ".pgm", ".ppm")
 
 
 def list_images(pattern: str | Path) -> list[Path]:

@@ -241,6 +241,19 @@ def test_a_busy_computer_is_told_and_stop_has_more_time() -> None:
     assert "busy" not in run.notice
 
 
+def test_several_notices_stand_the_busy_computer_last() -> None:
+    run, worker, _ = a_run()
+    worker.say(*poses([0]), encode_json(MessageKind.STATUS, {"stalled_s": 0.0, "slowness": 5.2}))
+    worker.say(encode_json(MessageKind.WARNING, {"text": "camera 1 is darker than at calibration"}))
+    worker.say(encode_json(MessageKind.WARNING, {"text": "the take is not being written", "standing": True}))
+    run.tick()
+    assert [notice.partition(":")[0] for notice in run.notices] == [
+        "the take is not being written",
+        "camera 1 is darker than at calibration",
+        "this computer is busy",
+    ]
+
+
 def test_what_the_worker_does_is_told_until_poses_come() -> None:
     run, worker, _ = a_run()
     worker.say(encode_json(MessageKind.STATUS, {"activity": "learning the background", "fraction": 0.25}))

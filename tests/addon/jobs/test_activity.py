@@ -115,3 +115,18 @@ def test_an_armature_that_cannot_be_driven_is_refused(running: Any) -> None:
     assert running.message("character")[1] == "ERROR"
     assert bpy.ops.perfanim.add_character("EXEC_DEFAULT") == {"FINISHED"}
     assert bpy.context.scene.perfanim.armature.name == "Performer"
+
+
+def test_a_message_goes_with_the_last_of_what_it_speaks_of(running: Any) -> None:
+    one, two = (bpy.data.actions.new(name) for name in ("one", "two"))
+    obj = bpy.data.objects.new("Hero", None)
+    bpy.context.scene.collection.objects.link(obj)
+    running.set_message("takes", "30 frames in one, two", about=(one.name, two.name))
+    running.set_message("character", "Hero was chosen", about=("Hero",))
+    bpy.data.actions.remove(one)
+    assert running.message("takes") == ("30 frames in one, two", "INFO")
+    bpy.data.actions.remove(two)
+    assert running.message("takes") == ("", "INFO")
+    assert running.message("character")[0] == "Hero was chosen"
+    bpy.context.scene.collection.objects.unlink(obj)  # as X does; a setting keeps the object in the file
+    assert running.messages() == (("", "INFO"), ("", "INFO"))

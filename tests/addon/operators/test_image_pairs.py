@@ -64,9 +64,13 @@ def chosen(part: Any, tracked: Path) -> Any:
 
 def imported(part: Any, folder: Path, name: str) -> tuple[str, Path]:
     """Return what the button says, and the take in the list."""
-    operator = part("operators.solve_takes").PERFANIM_OT_import_takes
+    operator = part("operators.import_takes").PERFANIM_OT_import_takes
     given = {"files": [SimpleNamespace(name=name)], "directory": str(folder), "filepath": ""}
-    text = run_job(part, operator, SimpleNamespace(**given, up="auto", method="best", trust_labels=False))
+    text = run_job(
+        part,
+        operator,
+        SimpleNamespace(**given, up="auto", method="best", trust_labels=False, body="CHOSEN", put_on=False),
+    )
     (take,) = part("take_library").listed()
     return text, take.path
 

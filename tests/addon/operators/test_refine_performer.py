@@ -226,7 +226,11 @@ def test_the_end_of_a_capture_makes_the_offer(part: Any, chosen: Any, offer: Any
     for seconds, offered in ((21.0, take), (5.0, "")):
         poses = [SimpleNamespace(time_s=0.0), SimpleNamespace(time_s=seconds)]
         capture = SimpleNamespace(
-            run=SimpleNamespace(poses=poses), keep=lambda _: "2 frames recorded", take_path=take, setup=None
+            run=SimpleNamespace(poses=poses),
+            keep=lambda _: "2 frames recorded",
+            take_path=take,
+            setup=None,
+            actions=(),
         )
         ended = start._finish(SimpleNamespace(_capture=capture, report=lambda *_: None), bpy.context)
         assert (ended, offer.capture) == ({"FINISHED"}, offered)

@@ -1,7 +1,9 @@
 """What the Takes panel's buttons do: import, solve again, put on a character, export, delete, have back, clean up."""
 
+import re
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
+from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -45,11 +47,11 @@ def recorded(part: Any, walk: SimpleNamespace, name: str, **notes: Any) -> Path:
     return path
 
 
-def imported(part: Any, walk: SimpleNamespace, *files: str) -> str:
-    operator = part("operators.solve_takes").PERFANIM_OT_import_takes
+def imported(part: Any, walk: SimpleNamespace, *files: str, put_on: bool = False) -> str:
+    operator = part("operators.import_takes").PERFANIM_OT_import_takes
     names = [SimpleNamespace(name=name) for name in files]
     given = {"files": names, "directory": str(walk.folder), "filepath": "", "up": "auto", "method": "nearest"}
-    given |= {"trust_labels": False}
+    given |= {"trust_labels": False, "body": "CHOSEN", "put_on": put_on}
     return run_job(part, operator, SimpleNamespace(**given))
 
 
@@ -79,6 +81,50 @@ def test_marker_takes_are_imported_into_the_list_and_played(
     assert np.linalg.norm(np.array(hips - armature.location) - wanted) < 0.05
 
 
+def test_a_single_take_is_put_on_the_active_character(
+    part: Any, walk: SimpleNamespace, listed_takes: Any, chosen: Any
+) -> None:
+    assert bpy.ops.perfanim.add_character("EXEC_DEFAULT") == {"FINISHED"}
+    hero = chosen.armature
+    hero.name = "Hero"
+    chosen.armature = None
+    bpy.context.view_layer.objects.active = hero.children[0]  # importers leave the mesh active
+    text = imported(part, walk, "walk.c3d", put_on=True)
+    assert re.fullmatch(r"1 take imported; 20 frames in walk on Hero; good", text)
+    assert chosen.armature == hero
+    assert hero.animation_data.action.name == "walk"
+
+
+@pytest.mark.parametrize(
+    ("files", "follow", "given"),
+    [
+        (["a.c3d"], "MARKERS", []),
+        (["a.mp4", "b.mp4"], "MARKERS", ["--marker-set", "locomotion"]),
+        (["a.mp4", "b.mp4"], "PERSON", ["--people"]),
+        (["a.jpg"], "PERSON", ["--people"]),
+    ],
+)
+def test_what_is_not_chosen_is_found_by_the_work(
+    part: Any, chosen: Any, tmp_path: Path, files: list[str], follow: str, given: list[str]
+) -> None:
+    for name in files:
+        (tmp_path / name).write_bytes(b"")
+    chosen.follow, chosen.marker_set, chosen.database = follow, "locomotion", "starter"
+    operator = part("operators.import_takes").PERFANIM_OT_import_takes
+    clicked = SimpleNamespace(body="AUTO", up="auto", method="best", trust_labels=False)
+    clicked.chosen_files = lambda: [str(tmp_path / name) for name in files]
+    clicked._performer = partial(operator._performer, clicked)
+    words = operator.arguments(clicked, bpy.context)
+    first = 2 + len(files)
+    assert words[first : words.index("--database")] == given
+    assert words[words.index("--database") + 1] == str(part("settings.readiness").starter_database_path())
+    chosen.calibration = str(tmp_path / "cameras.toml")
+    words = operator.arguments(clicked, bpy.context)
+    is_filmed = files != ["a.c3d"]
+    assert ("--cameras" in words) == is_filmed
+    chosen.calibration = ""
+
+
 def test_nothing_to_import_is_said_before_any_work(part: Any, walk: SimpleNamespace, listed_takes: Any) -> None:
     with pytest.raises(Exception, match="not found"):
         imported(part, walk, "none.c3d")
@@ -95,7 +141,7 @@ def test_without_a_database_the_starter_is_made_first(
     target = part("settings.readiness").starter_database_path()
     monkeypatch.setattr(part("operators.database_operators"), "MOTION", walk.folder)
     assert not target.exists()
-    assert imported(part, walk, "walk.c3d") == "1 take imported"
+    assert imported(part, walk, "walk.c3d") == "1 take imported; good"
     assert target.exists()
     assert read_take_file(listed_takes()[0].path).setup.database["path"] == str(target)
 

@@ -49,9 +49,9 @@ def test_a_notice_of_a_running_capture_is_seen(
     monkeypatch.setattr(activity, "current", lambda: capture)
     sidebar = Sidebar(panels, 1)
     starting = sidebar.draw()
-    capture.run = SimpleNamespace(statistics=SimpleNamespace(waiting=0), notice="", poses=[])
+    capture.run = SimpleNamespace(statistics=SimpleNamespace(waiting=0), notices=[], poses=[])
     running = sidebar.draw()
-    capture.run.notice = "no images for 0.3 s"
+    capture.run.notices = ["no images for 0.3 s"]
     warned = sidebar.draw()
     capture.run.statistics.waiting = 5
     behind = sidebar.draw()

@@ -92,7 +92,7 @@ def test_a_running_capture(part: Any, panels: list[type]) -> None:
         object.__setattr__(figures, name, value)
     pose = SimpleNamespace(performers=[SimpleNamespace(confidence=0.5)] * 2)
     notice = "camera 1 gives nothing for 0.3 s"
-    run = SimpleNamespace(statistics=figures, notice=notice, fraction=0.5, activity="", poses=[pose])
+    run = SimpleNamespace(statistics=figures, notices=[notice], fraction=0.5, activity="", poses=[pose])
     setup = SimpleNamespace(performers=[SimpleNamespace(name=name) for name in ("Anna", "Ben")])
     capture = SimpleNamespace(run=run, setup=setup, job=None, line="")
     assert part("capture.live_capture").further_performers(capture) == [("Ben", 0.5)]

@@ -66,9 +66,12 @@ def test_each_step_follows_the_one_that_is_done(guide: Any, chosen: Any, tmp_pat
     assert title(guide, chosen) == "Character"
 
 
-def test_a_check_holds_for_its_pictures_only(guide: Any, chosen: Any) -> None:
+def test_a_check_holds_for_its_pictures_only(part: Any, guide: Any, chosen: Any, monkeypatch: Any) -> None:
     chosen.source = "CAMERAS"
     assert title(guide, chosen) == "Cameras"  # nobody has looked yet which number is which
+    monkeypatch.setattr(part("settings.camera_choice"), "device_numbers", lambda: [0])
+    assert not bpy.ops.perfanim.skip_step.poll()  # the right camera is not plugged in
+    monkeypatch.setattr(part("settings.camera_choice"), "device_numbers", lambda: [0, 1, 2])
     bpy.ops.perfanim.skip_step()
     assert title(guide, chosen) == "Exposure"
     guide.keep_check(chosen, GOOD)
@@ -91,6 +94,13 @@ def test_optional_steps_can_be_skipped_and_no_others(guide: Any, chosen: Any, tm
     skip()
     skip()
     assert title(guide, chosen) == "Performer"
+    names = [step.title for step in guide.steps(chosen) if guide.is_skipped(chosen, step)]
+    assert names == ["Exposure", "Floor", "Markers"]
+    assert bpy.ops.perfanim.unskip_steps() == {"FINISHED"}
+    assert title(guide, chosen) == "Exposure"
+    assert not bpy.ops.perfanim.unskip_steps.poll()
+    for _ in names:
+        skip()
     chosen.practise_fault = "DARK"  # other pictures
     assert title(guide, chosen) == "Exposure"
 
@@ -299,3 +309,13 @@ def test_forgetting_begins_with_the_pictures(part: Any, guide: Any, chosen: Any)
     guide.keep_check(chosen, GOOD)
     guide.seen.forget()
     assert title(guide, chosen) == "Exposure"
+
+
+def test_the_exposure_of_the_guide_is_set_with_one_click(part: Any, guide: Any, chosen: Any) -> None:
+    preferences = part("preferences.preferences")
+    assert {controls.exposure_s for controls in preferences.camera_controls(bpy.context)} == {None}
+    assert bpy.ops.perfanim.propose_exposure() == {"FINISHED"}
+    assert {controls.exposure_s for controls in preferences.camera_controls(bpy.context)} == {0.004}
+    assert not bpy.ops.perfanim.propose_exposure.poll()
+    for camera in preferences.cameras_of(bpy.context):
+        camera.exposure_auto = True  # for other tests: preferences stay

@@ -25,6 +25,7 @@ def test_it_is_built_once(few_clips: None, tmp_path: Path, monkeypatch: pytest.M
     assert set(told) == {"building the starter database"}
     before = path.stat().st_mtime_ns
     assert starter_database() == path
+    assert open_database("starter").path == path
     assert path.stat().st_mtime_ns == before
 
 

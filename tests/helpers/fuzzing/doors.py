@@ -118,6 +118,8 @@ def _file_doors(folder: Path, samples: Samples) -> list[Door]:
         ("recorded take", "written-live.perftake", ".perftake", damaged_take, _read_recorded),
         ("database", "*.p*fdb", ".pfdb", damaged_database, lambda path: check_arrays(open_database(path))),
         ("calibration", "camera*.*", ".toml", damaged_toml, load_rig),
+        ("stereo calibration in JSON", "stereo.json", ".json", damaged_json, load_rig),
+        ("stereo calibration in YAML", "stereo.yaml", ".yaml", damaged_text, load_rig),
         ("subject", "anna*.toml", ".toml", damaged_toml, load_subject),
         ("marker set", "marker-set*.toml", ".toml", damaged_toml, load_marker_set),
         ("prop", "prop-*.toml", ".toml", damaged_toml, load_prop),

@@ -174,3 +174,10 @@ def test_a_folder_of_more_files_than_takes_can_be(plan, monkeypatch, take):
 
 def _pairs(options):
     return dict(zip(options[::2], options[1::2], strict=True))
+
+
+def test_the_starter_database_has_a_name(tmp_path, monkeypatch):
+    (tmp_path / "a.trc").write_text("x")
+    monkeypatch.setattr("perfanim.core.cli.batch.plan.starter_database", lambda: tmp_path / "cache.pfdb")
+    (take,) = plan_of([str(tmp_path / "a.trc")], {"database": "starter"}).takes
+    assert take.options["database"] == str(tmp_path / "cache.pfdb")

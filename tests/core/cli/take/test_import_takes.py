@@ -1,19 +1,25 @@
 """`perfanim take import`: marker takes of other systems become recorded ones; and captures solved anew stay takes."""
 
 import json
+import shutil
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from perfanim.core.body.motion import resampled
+from perfanim.core.body.skeleton import forward_kinematics
 from perfanim.core.cli.main import main
 from perfanim.core.formats.markers.marker_files import read_take, write_take
+from perfanim.core.formats.motion.read_motion import read_motion
 from perfanim.core.formats.take_file.take_reader import read_take_file
 from perfanim.core.labelling.take_import import import_take
 from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.markers.marker_take import MarkerTake
 from perfanim.core.markers.subject import save_subject
 from perfanim.core.session.solve_take import solve_take
+from perfanim.core.session.steady_motion import motion_of
 from perfanim.core.solver.settings import SolveSettings
+from perfanim.core.system.assets import MOTION
 
 FPS = 30.0
 Z_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])  # (x, y, z) here is (x, -z, y) there
@@ -181,3 +187,42 @@ def test_exchanged_labels_are_put_back_and_told_unless_trusted(bring, tmp_path, 
     (trusted,) = bring(tmp_path / "walk.csv", options=["--trust-labels"])["takes"]
     assert not any("each other's labels" in text for text in trusted["warnings"])
     np.testing.assert_allclose(read_take(trusted["out"]).positions_m, positions, atol=ROUNDED_M)
+
+
+def test_without_a_performer_the_body_is_fitted(walk, tmp_path, database_file, capsys):
+    write_take(z_up(walk), tmp_path / "walk.c3d")
+    line = ["take", "import", tmp_path / "walk.c3d", "--out", tmp_path / "takes", "--database", database_file]
+    heights = {}
+    for options in ((), ("--height", "2.0")):
+        assert main([*map(str, [*line, *options]), "--json"]) == 0
+        (row,) = json.loads(capsys.readouterr().out)["takes"]
+        (performer,) = read_take_file(row["out"]).setup.subjects()
+        heights[options] = (performer.name, row["marker_rms_mm"])
+    assert [name for name, _ in heights.values()] == ["performer", "average body"]
+    fitted, average = (rms for _, rms in heights.values())
+    assert fitted < 0.5 * average  # a body of 2 m does not explain these markers
+
+
+@pytest.mark.long
+def test_two_films_become_a_take(tmp_path, capsys):
+    """Simulated cameras and markers; nothing is named but one film and the set."""
+    studio, takes = tmp_path / "studio", tmp_path / "takes"
+    few = ["--t-pose", "0", "--background", "2", "--board-views", "2", "--fps", "30"]
+    assert main(["simulate", "cameras", str(MOTION / "walking-01-neutral.bvh"), "--out", str(studio), *few]) == 0
+    shutil.copy(studio / "truth" / "cameras.toml", studio)
+    shutil.rmtree(studio / "board")
+    capsys.readouterr()
+    film = next(studio.glob("*.mkv"))
+    line = ["take", "import", film, "--marker-set", "boxing", "--out", takes, "--json"]
+    assert main(list(map(str, line))) == 0
+    (row,) = json.loads(capsys.readouterr().out)["takes"]
+    take, truth = read_take_file(row["out"]), read_motion(studio / "truth" / "motion.bvh")
+    assert row["cameras"] == str(studio / "cameras.toml")
+    assert row["marker_rms_mm"] < 20.0
+    motion = motion_of(take.recorded_poses_of(), take.setup.subjects()[0], "film", 30.0)
+    solved, true = (
+        forward_kinematics(each.skeleton, each.rotations, each.root_positions_m)[0]
+        for each in (motion, resampled(truth, 30.0))
+    )
+    frames = min(len(solved), len(true))
+    assert np.median(np.linalg.norm(solved[:frames] - true[:frames], axis=-1)) < 0.08  # the body is fitted, too

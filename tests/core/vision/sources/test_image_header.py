@@ -10,7 +10,8 @@ import cv2
 import numpy as np
 import pytest
 from perfanim.core.errors import CaptureError
-from perfanim.core.vision.sources.image_files import IMAGE_SUFFIXES, read_image
+from perfanim.core.vision.sources.file_endings import IMAGE_SUFFIXES
+from perfanim.core.vision.sources.image_files import read_image
 from perfanim.core.vision.sources.image_header import check_image_size, image_size
 
 IMAGE = np.tile(np.arange(50, dtype=np.uint8)[:, None, None], (1, 37, 3))
