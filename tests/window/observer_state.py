@@ -55,7 +55,7 @@ def capture_facts():
         if run is not None:
             facts["phase"] = run.phase.name
             facts["line"] = run.activity
-            facts["notice"] = run.notice
+            facts["notices"] = run.notices
             facts["statistics"] = vars(run.statistics)
             remember(run)
     return facts

@@ -41,7 +41,7 @@ def wait_for_calm(window: BlenderWindow) -> None:
     """Wait for enough frames, then a little for a moment without a warning, which a busy machine may not have."""
     window.wait(lambda s: received(s) > TESTED_FRAMES, "frames", GUIDED_S)
     limit = time.monotonic() + CALM_S
-    while window.state()["capture"].get("notice") and time.monotonic() < limit:
+    while window.state()["capture"].get("notices") and time.monotonic() < limit:
         time.sleep(0.1)
 
 
