@@ -38,9 +38,9 @@ def keep(picture: Path, name: str, part: tuple[slice, slice] = (slice(None), sli
 
 
 def wait_for_calm(window: BlenderWindow) -> None:
-    """Wait for enough frames, then a little for a moment without a warning, which a busy machine may not have."""
+    """Wait for enough frames; for a picture that is kept, also a little for a moment without a warning."""
     window.wait(lambda s: received(s) > TESTED_FRAMES, "frames", GUIDED_S)
-    limit = time.monotonic() + CALM_S
+    limit = time.monotonic() + (CALM_S if KEEPS_PICTURES else 0.0)
     while window.state()["capture"].get("notices") and time.monotonic() < limit:
         time.sleep(0.1)
 

@@ -5,6 +5,7 @@ import time
 from pathlib import Path
 
 import numpy as np
+import pytest
 from desktop import BlenderWindow, Desktop
 from perfanim.core.cli.main import main
 from perfanim.core.formats.markers.c3d_write import write_c3d
@@ -55,6 +56,7 @@ def test_a_c3d_is_dropped_onto_the_character_that_is_active(
     assert np.all(heights.min(axis=1) < 0.06)  # a foot is on the floor, its toe joint as high as in a shoe
 
 
+@pytest.mark.walkthrough
 def test_a_folder_with_the_pictures_of_both_cameras_is_chosen(
     desktop: Desktop, window: BlenderWindow, recorded: dict[str, str]
 ) -> None:

@@ -3,6 +3,7 @@
 import time
 from pathlib import Path
 
+import pytest
 from desktop import BlenderWindow, Desktop
 from pointing import Hand
 
@@ -30,6 +31,7 @@ def test_the_performer_reads_the_screen_and_a_key_starts_and_stops(desktop: Desk
     desktop.screenshot("screen-after")
 
 
+@pytest.mark.walkthrough
 def test_a_second_performer_a_sword_and_a_second_character_beside_the_first(
     desktop: Desktop, window: BlenderWindow
 ) -> None:

@@ -66,6 +66,7 @@ def test_a_walk_from_six_keys(desktop: Desktop, window: BlenderWindow) -> None:
     desktop.key("Escape")
 
 
+@pytest.mark.walkthrough
 def test_a_walk_along_a_drawn_path(desktop: Desktop, window: BlenderWindow) -> None:
     hand = with_controls(desktop, window, "sketch-path")
     hand.click("Draw Hips Path", sidebar=True)
