@@ -4,12 +4,14 @@ import math
 import shutil
 from pathlib import Path
 
+import pytest
 from desktop import Desktop
 from operator_fuzz.window import run_in
 
 SEED, SEQUENCES = 1, 3
 
 
+@pytest.mark.walkthrough
 def test_random_steps_of_a_live_capture_leave_nothing(desktop: Desktop, user: Path, tmp_path: Path) -> None:
     shutil.copytree(user, tmp_path / "user", symlinks=True)
     results = list(run_in(desktop, tmp_path, SEED, range(SEQUENCES), math.inf))

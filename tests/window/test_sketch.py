@@ -93,6 +93,7 @@ def test_a_walk_along_a_drawn_path(desktop: Desktop, window: BlenderWindow) -> N
             time.sleep(0.05)
 
 
+@pytest.mark.walkthrough
 def test_a_rough_rig_becomes_a_walk(desktop: Desktop, window: BlenderWindow) -> None:
     hand = with_character(desktop, window, "sketch-rig")
     press(hand, desktop, "ctrl+Tab", "a", "i")  # the whole pose, moved as one: a character that glides
