@@ -17,6 +17,7 @@ class FrozenSettings:
 
 
 _S = FrozenSettings()
+_ROUNDING_S = 1e-6  # of a sum of frame intervals
 
 
 class FrozenMarkers:
@@ -47,4 +48,4 @@ class FrozenMarkers:
         still = steps_m <= _S.still_m
         self._still_s = np.where(still, self._still_s + elapsed_s, 0.0)
         self._moved_m = np.where(still, self._moved_m + path_m, 0.0)
-        return np.asarray(~self._standing & (self._still_s > _S.least_s - 1e-6) & (self._moved_m > _S.moved_m))
+        return np.asarray(~self._standing & (self._still_s > _S.least_s - _ROUNDING_S) & (self._moved_m > _S.moved_m))

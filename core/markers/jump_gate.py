@@ -94,7 +94,8 @@ class JumpGate:
         settings = self._settings
         self._ages[~follower.followed] = 0
         is_settled = self._ages >= settings.settled
-        away_m = np.linalg.norm(points_m - follower.means()[0], axis=1)
+        expected_m = follower.means()[0]
+        away_m = np.linalg.norm(points_m - expected_m, axis=1)
         left = follower.followed & (away_m > settings.near_m)
         if left.any():
             left &= follower.log_likelihoods(points_m, noise_m) < _WILD
@@ -109,7 +110,7 @@ class JumpGate:
         jumped |= is_carried_off
         is_cut = np.count_nonzero(jumped | left) > settings.cut * np.count_nonzero(np.isfinite(points_m[:, 0]))
         is_doubtful = jumped & (is_settled | is_carried_off) & (not is_cut)
-        deviations_m = points_m - follower.means()[0]
+        deviations_m = points_m - expected_m
         doubted = is_doubtful & ~self._repeats(deviations_m)
         begins = np.full_like(jumped, is_cut) | (jumped & ~doubted)
         follower.forget(begins)
@@ -138,13 +139,13 @@ class JumpGate:
         jumped: Mask,
         nearness: Callable[[Array, Array], float],
     ) -> tuple[Array, Mask]:
-        """Return the markers (M, 3) with exchanges among jumped ones undone, and a mask (M,) of the exchanged ones."""
-        put_back, exchanged, last = points_m.copy(), np.zeros_like(jumped), self._partners
-        self._partners = np.arange(len(jumped))
+        """Return the markers (M, 3) with exchanges undone that begin or go on, and a mask (M,) of exchanged ones."""
+        exchanged, last, self._partners = np.zeros_like(jumped), self._partners, np.arange(len(jumped))
         possible = (jumped | (last != self._partners)) & np.isfinite(points_m[:, 0])
         markers = np.flatnonzero(possible).tolist()
         if len(markers) < 2:
-            return put_back, exchanged
+            return points_m, exchanged
+        put_back = points_m.copy()
         logs = np.full((len(jumped), len(jumped)), -np.inf)  # log density (row) marker at (column) another's point
         for other in markers:
             moved = np.broadcast_to(points_m[other], points_m.shape)

@@ -8,13 +8,8 @@ import pytest
 from perfanim.core.errors import CaptureError
 from perfanim.core.formats.motion.read_motion import read_motion
 from perfanim.core.geometry.camera import CameraRig
-from perfanim.core.geometry.rig_file import load_rig
 from perfanim.core.markers.marker_frame import MarkerFrame
-from perfanim.core.vision.people.body_network import BlazePose
-from perfanim.core.vision.people.network_file import body_network_file
-from perfanim.core.vision.people.people_pipeline import PeoplePipeline
 from perfanim.core.vision.people.person_clocks import at_one_time, person_offsets, synchronise_person
-from perfanim.core.vision.sources.source_kinds import open_image_source
 from perfanim.core.vision.tracked_take import relocate
 from walked_rooms import OTHERS, POINTS, film_frames, room, walk
 
@@ -126,17 +121,6 @@ def test_a_second_and_a_half_of_a_man_on_a_beam_suffices_or_is_told(beam, pair, 
     assert found.is_found != is_told
     if found.is_found:
         assert abs(found.offset_s - seen[CUT].time_s) < HALF_A_PICTURE_S
-
-
-@pytest.fixture(scope="module")
-def beam(shared_dir):
-    """The calibrated cameras round a man on a beam, and what the network finds in each of their pictures."""
-    if not body_network_file().is_file():
-        pytest.skip("the body network is not here: perfanim network get")
-    folder = shared_dir / "people" / "walk-on-beam"
-    rig, network = load_rig(folder / "Calib.qca.txt"), BlazePose(body_network_file())
-    pipeline = PeoplePipeline(rig, [network] * len(rig))
-    return rig, [pipeline.detect(each) for each in open_image_source(*sorted(map(str, folder.glob("cam0*.mp4"))))]
 
 
 @pytest.fixture(scope="module")

@@ -10,12 +10,9 @@ import pytest
 from perfanim.core.api.solving import SolveRequest, solve
 from perfanim.core.body.skeleton import forward_kinematics
 from perfanim.core.geometry.camera import CameraRig
-from perfanim.core.geometry.rig_file import load_rig
 from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.vision.people.body_network import BlazePose
-from perfanim.core.vision.people.network_file import body_network_file
-from perfanim.core.vision.people.people_pipeline import PeoplePipeline, PersonLocator
-from perfanim.core.vision.sources.source_kinds import open_image_source
+from perfanim.core.vision.people.people_pipeline import PersonLocator
 from perfanim.core.vision.tracked_take import labelled_take
 
 PAIRED = ("humerus", "radius", "wrist", "femur", "tibia", "foot")
@@ -30,21 +27,9 @@ pytestmark = pytest.mark.long
 
 
 @pytest.fixture(scope="module")
-def seen(shared_dir):
-    """The calibrated cameras, and the person in each of their pictures."""
-    if not body_network_file().is_file():
-        pytest.skip("the body network is not here: perfanim network get")
-    films = shared_dir / "people" / "walk-on-beam"
-    rig, network = load_rig(films / "Calib.qca.txt"), BlazePose(body_network_file())
-    pipeline = PeoplePipeline(rig, [network] * len(rig))
-    source = open_image_source(*(str(films / f"cam0{number}.mp4") for number in range(1, 5)))
-    return rig, [pipeline.detect(images) for images in source]
-
-
-@pytest.fixture(scope="module")
-def joints_of(seen):
+def joints_of(beam):
     """joints_of((0, 1)) -> skeleton and joints (F, J, 3) by these cameras."""
-    rig, frames = seen
+    rig, frames = beam
     points = load_marker_set(BlazePose.marker_set)
 
     def joints(cameras, height_m=None):
@@ -89,8 +74,8 @@ def test_no_limb_of_any_pair_of_cameras_is_on_the_other_side(joints_of, by_all, 
 
 
 @pytest.mark.parametrize("camera", range(4))
-def test_one_camera_gives_the_motion_across_its_view(seen, joints_of, by_all, camera):
-    rig, _ = seen
+def test_one_camera_gives_the_motion_across_its_view(beam, joints_of, by_all, camera):
+    rig, _ = beam
     _, whole_m = by_all
     _, joints_m = joints_of((camera,), HEIGHT_M)
     view = whole_m - rig.cameras[camera].centre_m
