@@ -92,12 +92,10 @@ class OneCameraLabels:
         for _, last, labels in proposed:
             observation = self._observation(labels, points)
             solution, state = self._solver.step(last.state, observation, frame.time_s)
-            cost = last.cost
-            if len(proposed) > 1:
-                cost += min(self._solver.negative_log_likelihood(state), _S.most_frame)
-                cost += _S.unlabelled * float(np.sum(labels < 0))
             labeller = last.labeller.after(points, labels, elapsed_s)
             markers_m = last.markers_m if solution is None else solution.markers_m
+            cost = last.cost + _S.unlabelled * float(np.sum(labels < 0))
+            cost += min(self._solver.negative_log_likelihood(state), _S.most_frame)
             tracked = Tracked.of(observation, solution)
             result.append(
                 OneCameraHypothesis(state, tracked, last.begun, cost, last.lineage, labeller, labels, markers_m)

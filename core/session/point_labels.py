@@ -5,6 +5,7 @@ history: soon while there is evidence against them, rarely otherwise. Others tha
 until the motion shows which are right.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -37,8 +38,9 @@ class PointSettings:
     # RMS distance of the markers from the solved body at which each located marker costs 0.5, and cap on this distance
     fit_m: float = 0.01
     unfit_m: float = 0.03
-    independent_s: float = 0.1  # time in which the costs of frames count as those of one frame
+    near_m: float = 0.02  # distance from the closest example below which a nearer one makes no difference
     most_frame: float = 60.0  # cap on a frame's cost over that of the best hypothesis
+    independent_s: float = 0.1  # time in which the costs of frames count as those of one frame
     start: float = 3.0  # initial cost of labels found by a search
     followed: float = 10.0  # further cost if they relabel markers that were tracked confidently
     sure: float = 3.0  # cost of all other labels above which the best are certain
@@ -109,12 +111,12 @@ class PointLabels:
 
     def begin(self, frame: MarkerFrame, elapsed_s: float) -> PointHypothesis | None:
         """Return a hypothesis with the labels given by the source, or found without history once a search has ended."""
-        labeller, start = Labeller(self._torso), None
+        start = None
         if is_labelled(frame):
-            observation = self._observe_given_labels(frame)
+            labeller, observation = Labeller(self._torso), self._observe_given_labels(frame)
         else:
             if self._start is None:
-                self._start = LabelSearch(self._initial, frame.points_m, labeller)
+                self._start = LabelSearch(self._initial, frame.points_m, self._torso)
             else:
                 self._start.follow(frame.points_m, elapsed_s)
             if not self._start.advance(WORK_ALONE):
@@ -149,7 +151,7 @@ class PointLabels:
             each.state = each.follower.state
         if len(hypotheses) > 1:
             costs = np.array([self._cost(frame, each.tracked) for each in hypotheses])
-            costs = np.minimum(costs, costs.min() + _S.most_frame) * min(elapsed_s / _S.independent_s, 1.0)
+            costs = np.minimum(costs - costs.min(), _S.most_frame) * min(elapsed_s / _S.independent_s, 1.0)
             for each, cost in zip(hypotheses, costs.tolist(), strict=True):
                 each.cost += cost
         return hypotheses
@@ -179,7 +181,7 @@ class PointLabels:
         if not self._searched.search.advance(WORK_UNHURRIED if calm else WORK):
             return []
         searched, self._searched = self._searched, None
-        return self._born(searched, hypotheses, frame, elapsed_s)
+        return self._born(searched, hypotheses, frame)
 
     def confidence(self, hypotheses: Sequence[PointHypothesis], frame: MarkerFrame) -> float:
         """Return the factor by which uncertain labels lower a pose's confidence.
@@ -226,17 +228,16 @@ class PointLabels:
         observed_m = best.tracked.observation.points_m
         ghosts = max(len(frame.points_m) - int(np.sum(best.tracked.observation.located)), 0)
         cost = self._initial.cost(observed_m, best.tracked.solution.markers_m, ghosts)
-        search = LabelSearch(self._initial, frame.points_m, Labeller(self._torso))
+        search = LabelSearch(self._initial, frame.points_m, self._torso)
         self._searched, self._searched_s = _Searched(search, observed_m, cost, best.labeller.is_confident), frame.time_s
 
     def _born(
-        self, searched: _Searched, hypotheses: Sequence[PointHypothesis], frame: MarkerFrame, elapsed_s: float
+        self, searched: _Searched, hypotheses: Sequence[PointHypothesis], frame: MarkerFrame
     ) -> list[PointHypothesis]:
         """Return hypotheses with the labels that a search has found; note whether the best one's are certain."""
         best = hypotheses[0]
         born: list[PointHypothesis] = []
-        weight = min(elapsed_s / _S.independent_s, 1.0)
-        own_cost, likeliest = self._cost(frame, best.tracked), np.inf
+        likeliest = np.inf
         for labels, found_cost in searched.search.labellings():
             differs, contradicts = _differences(searched, self._by_marker(searched.search.points_m, labels))
             if not differs:
@@ -247,7 +248,7 @@ class PointLabels:
                 continue
             other = self._begun(*searched.search.carry(labels), contradicts, best, frame)
             if other is not None:
-                other.cost = cost + weight * (self._cost(frame, other.tracked) - own_cost)
+                other.cost = cost  # without history, the likelihood of this frame cannot be compared
                 born.append(other)
         self._is_certain = likeliest > _S.sure
         return born
@@ -292,10 +293,17 @@ class PointLabels:
         return bool(explained < _S.suspect or unseen or _strays(frame, tracked) >= _S.strays)
 
     def _cost(self, frame: MarkerFrame, tracked: Tracked) -> float:
+        """Return the negative log likelihood of a hypothesis in a frame.
+
+        To the labels' own it adds that of the markers around the closest example, with the same scale for each marker
+        as for all: crossed feet are near to few examples.
+        """
         if tracked.solution is None:
             return _S.nothing * min(len(frame.points_m), len(self._torso))
         observed_m, markers_m = tracked.observation.points_m, tracked.solution.markers_m
-        return self.label_cost(len(frame.points_m), observed_m, markers_m, _moved_m(observed_m, markers_m))
+        cost = self.label_cost(len(frame.points_m), observed_m, markers_m, _moved_m(observed_m, markers_m))
+        located = int(np.count_nonzero(tracked.observation.located))
+        return cost + located * math.log(math.hypot(tracked.solution.nearest_m, _S.near_m)) if located else cost
 
     # ---- labels of a frame
 

@@ -79,6 +79,18 @@ def test_wrong_initial_labels_are_corrected(subject, database, record, true_mark
     assert all(right[15:])  # half a second
 
 
+@pytest.mark.parametrize("swapped", [(0, 1), (2, 3), (4, 5), (6, 7)])
+def test_one_wrong_pair_of_labels_is_corrected(subject, database, record, true_markers, swapped):
+    order = np.arange(true_markers.shape[1])
+    order[list(swapped)] = swapped[::-1]
+    session, generator = Session(subject, database), np.random.default_rng(3)
+    for number in range(3):
+        session.step(points(record, true_markers[number], number, generator, order))
+    poses = [session.step(points(record, true_markers[number], number, generator)) for number in range(3, 60)]
+    right = [labelled_right(pose, row) for pose, row in zip(poses, true_markers[3:60], strict=True)]
+    assert all(right[15:])  # half a second
+
+
 @pytest.mark.long
 def test_right_initial_labels_are_kept(subject, database_of, record, tmp_path):
     """In a database that is dense in such poses a new start is always nearer to some of them, with the same labels."""
