@@ -23,6 +23,7 @@ from ..solver.solution import Solution, SolverState
 class HypothesisSettings:
     """Settings of `Hypotheses`; costs are negative log likelihoods, nats."""
 
+    most: int = 5  # number of hypotheses
     hopeless: float = 25.0  # cost above which a hypothesis is dropped
     lead: float = 2.0  # gain over the best hypothesis that makes another the best
     same_m: float = 0.02  # distance up to which two points, or two bodies with the same labels, are the same
@@ -152,4 +153,4 @@ class Hypotheses(Generic[H]):
             hypothesis.cost -= least
             if hypothesis.cost <= SETTINGS.hopeless and not any(map(hypothesis.is_like, result)):
                 result.append(hypothesis)
-        return result
+        return result[: SETTINGS.most]

@@ -18,7 +18,7 @@ from ..markers.marker_frame import MarkerFrame
 from ..solver.observation import Observation
 from ..solver.pose_solver import PoseSolver
 from ..solver.subject_model import RootPose
-from .hypotheses import Hypothesis, Tracked
+from .hypotheses import SETTINGS, Hypothesis, Tracked
 from .tracking_quality import assess_fit
 
 
@@ -26,7 +26,6 @@ from .tracking_quality import assess_fit
 class OneCameraSettings:
     """Settings of `OneCameraLabels`; costs are negative log likelihoods, nats."""
 
-    most: int = 5  # number of hypotheses
     unlabelled: float = 6.0  # cost of an unlabelled blob
     most_frame: float = 60.0  # cap on the cost of one frame, so that no outlier is decisive
     start: float = 15.0  # initial cost of a hypothesis that starts from an example
@@ -87,7 +86,7 @@ class OneCameraLabels:
             for hypothesis in hypotheses
             for cost, labels in hypothesis.labeller.proposals(points, hypothesis.markers_m, elapsed_s)
         ]
-        proposed = sorted(proposed, key=lambda row: row[0])[: _S.most]
+        proposed = sorted(proposed, key=lambda row: row[0])[: SETTINGS.most]
         result = []
         for _, last, labels in proposed:
             observation = self._observation(labels, points)

@@ -33,7 +33,6 @@ class PointSettings:
     """Settings of `PointLabels`; costs are negative log likelihoods, nats."""
 
     every: int = 2  # step between the body examples that are used to label points
-    most: int = 4  # number of hypotheses
     nothing: float = 8.0  # cost of each point in a frame without labels
     # RMS distance of the markers from the solved body at which each located marker costs 0.5, and cap on this distance
     fit_m: float = 0.01
@@ -41,6 +40,7 @@ class PointSettings:
     near_m: float = 0.02  # distance from the closest example below which a nearer one makes no difference
     most_frame: float = 60.0  # cap on a frame's cost over that of the best hypothesis
     independent_s: float = 0.1  # time in which the costs of frames count as those of one frame
+    born: int = 3  # largest number of hypotheses that begin in one frame
     start: float = 3.0  # initial cost of labels found by a search
     followed: float = 10.0  # further cost if they relabel markers that were tracked confidently
     sure: float = 3.0  # cost of all other labels above which the best are certain
@@ -144,17 +144,24 @@ class PointLabels:
         given = is_labelled(frame)
         if given or not checks:
             hypotheses = hypotheses[:1]
-        hypotheses = [each for each in hypotheses if given or each.state.markers_m is not None]
+        followed: list[PointHypothesis] = []
         for each in hypotheses:
-            observation = self._observe_given_labels(frame) if given else self._label_tracked(each, frame, elapsed_s)
+            predicted_m = each.state.markers_m
+            if given:
+                observation = self._observe_given_labels(frame)
+            elif predicted_m is not None:
+                observation = self.label_tracked(each.labeller, frame, predicted_m, elapsed_s)
+            else:
+                continue
             each.tracked = each.follower.step(observation, frame.time_s, elapsed_s, checks and given, False)
             each.state = each.follower.state
-        if len(hypotheses) > 1:
-            costs = np.array([self._cost(frame, each.tracked) for each in hypotheses])
+            followed.append(each)
+        if len(followed) > 1:
+            costs = np.array([self._cost(frame, each.tracked) for each in followed])
             costs = np.minimum(costs - costs.min(), _S.most_frame) * min(elapsed_s / _S.independent_s, 1.0)
-            for each, cost in zip(hypotheses, costs.tolist(), strict=True):
+            for each, cost in zip(followed, costs.tolist(), strict=True):
                 each.cost += cost
-        return hypotheses
+        return followed
 
     def others(
         self, hypotheses: Sequence[PointHypothesis], frame: MarkerFrame, elapsed_s: float
@@ -244,7 +251,7 @@ class PointLabels:
                 continue
             cost = found_cost - searched.cost + _S.start + _S.followed * contradicts
             likeliest = min(likeliest, cost)
-            if cost > SETTINGS.hopeless or len(hypotheses) + len(born) >= _S.most:
+            if cost > SETTINGS.hopeless or len(born) >= _S.born:
                 continue
             other = self._begun(*searched.search.carry(labels), contradicts, best, frame)
             if other is not None:
@@ -307,11 +314,16 @@ class PointLabels:
 
     # ---- labels of a frame
 
-    def _label_tracked(self, hypothesis: PointHypothesis, frame: MarkerFrame, elapsed_s: float) -> Observation:
-        """Return the markers of a frame, labelled by the last pose of a tracked body."""
-        labeller, predicted_m = hypothesis.labeller, hypothesis.state.markers_m
-        if predicted_m is None:
-            return Observation.of_points(np.full((len(self._torso), 3), np.nan))
+    def label_tracked(
+        self, labeller: Labeller, frame: MarkerFrame, predicted_m: Array, elapsed_s: float
+    ) -> Observation:
+        """Return the labelled markers of a frame of a tracked body.
+
+        Args:
+            labeller: Labeller that has followed the body.
+            predicted_m: Markers (M, 3) of the last pose.
+            elapsed_s: Time since that pose.
+        """
         if not self._cameras or len(frame.blobs) != len(self._cameras):
             labels = labeller.label(frame.points_m, frame.covariances_m2, predicted_m, elapsed_s)
             return Observation.of_points(self._by_marker(frame.points_m, labels))

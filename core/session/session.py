@@ -63,8 +63,8 @@ class Session:
         size = 1.0 if floor_of(rig) is not None else girth_scale(subject.skeleton)
         self._source = noise_of(subject.marker_set.points)
         feet = np.array([marker.joint in FOOT_JOINTS for marker in subject.marker_set.markers])
-        self._points = PointLabels(self.solver, cameras, examples, self._source, feet, size)
-        self._given: Hypotheses[Any] = Hypotheses(self._points)  # for labels from the source, too
+        self.point_labels = PointLabels(self.solver, cameras, examples, self._source, feet, size)
+        self._given: Hypotheses[Any] = Hypotheses(self.point_labels)  # for labels from the source, too
         self._hypotheses: Hypotheses[Any] = self._given
         if self._has_one_camera:
             poses_m = examples.start_poses_m, examples.markers_m
@@ -135,11 +135,11 @@ class Session:
 
     def label_initially(self, points_m: Array) -> InitialLabels | None:
         """Return labels of points (N, 3) without history, or None if the points do not look like a body."""
-        return self._points.label_initially(points_m)
+        return self.point_labels.label_initially(points_m)
 
     def label_cost(self, frame: MarkerFrame, pose: PerformerPose) -> float:
         """Return the negative log likelihood of the labels with which a frame's pose was solved."""
-        return self._points.label_cost(len(frame.points_m), pose.observed_m, pose.markers_m, pose.marker_rms_m)
+        return self.point_labels.label_cost(len(frame.points_m), pose.observed_m, pose.markers_m, pose.marker_rms_m)
 
     def restart(self, reason: NoteKind | None = None) -> None:
         """Forget labels and pose: the next frame is treated like the first, and its pose gets a note of the reason."""
