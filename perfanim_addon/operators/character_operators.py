@@ -13,7 +13,7 @@ from ..capture.armature_driver import ArmatureDriver
 from ..capture.performer_targets import add_character
 from ..character.armature_reading import read_armature_rest
 from ..character.bone_map_settings import store_map
-from ..character.create_character import find_armature, joints_without_bone
+from ..character.create_character import find_armature, own_map
 from ..character.retarget_plans import PRESETS_FOLDER, find_map
 from ..panels.character_panel import shown_armature
 from ..preferences.paths import absolute, user_folder
@@ -73,7 +73,7 @@ class PERFANIM_OT_use_active_armature(UndoOperator, bpy.types.Operator):
 
     def run(self, context: bpy.types.Context) -> None:
         (armature_object,) = active_armatures(context)
-        if joints_without_bone(armature_object):
+        if own_map(armature_object) is None:
             find_map(armature_object, user_folder(PRESETS_FOLDER))  # raises for anything but humanoids
         settings(context).armature = armature_object
 
