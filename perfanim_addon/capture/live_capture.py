@@ -19,7 +19,7 @@ from ..jobs.job import Job
 from ..settings import readiness
 from ..settings.capture_settings import chosen_gesture, settings
 from ..settings.result_settings import start_frame
-from ..viewport import overlay, picture_overlay
+from ..viewport import ghost, overlay, picture_overlay
 from . import capture_request, sound
 from .capture_recording import Cue, Recording
 from .capture_run import CaptureRun, Phase
@@ -131,8 +131,10 @@ class LiveCapture:
         if parts and self._drawn is None and self.setup is not None:
             cameras, space = self.setup.request.cameras, driver.start(context)
             simulated = isinstance(cameras.source, SimulatedPerformer)
-            self._drawn = overlay.Scene.of(self.setup.performers, cameras.rig, space.points_to_scene, simulated)
-        overlay.show(self._drawn, pose, parts)
+            placed = space.points_to_scene
+            self._drawn = overlay.Scene.of(self.setup.performers, cameras.rig, placed, simulated, ghost.last())
+        elapsed_s = self.recording.seconds(self.run.poses) if self.recording and self.run else 0.0
+        overlay.show(self._drawn, pose, parts, elapsed_s)
 
     def _record(self, context: bpy.types.Context, run: CaptureRun) -> None:
         recording = self.recording
@@ -250,6 +252,7 @@ class LiveCapture:
         character, actions = write_take(context, motion, parts, "Capture")
         self._hands.key(bpy.data.objects[character], parts)
         self.actions = tuple(actions)
+        ghost.remember(ghost.Ghost.of([target.subject.skeleton for target in driver.targets], parts[-1].poses))
         recorded = parts[0].poses[0].number, parts[-1].poses[-1].number
         span = None if recorded == (all_poses[0].number, all_poses[-1].number) else recorded
         with contextlib.suppress(PerfanimError):  # there may be no take, because of a full disk or a killed worker

@@ -37,7 +37,7 @@ def test_the_defaults_capture_a_new_character_into_one_action(part: Any, chosen:
             bpy.context.scene.frame_set(frame)
             np.testing.assert_array_equal(bone.rotation_quaternion, before)
         overlay = part("viewport.overlay")
-        assert overlay._state.parts == {"MARKERS"}
+        assert overlay._state.parts == {"MARKERS", "GHOST"}
         chosen.overlay = set()
         tick_until(capture, lambda: not overlay.handler.added)
         chosen.overlay = {"SKELETON"}
@@ -316,3 +316,39 @@ def test_image_folders_are_captured_to_their_end(
     assert refinement.seconds == sorted(refinement.seconds)
     assert 0.0 <= refinement.seconds[-1] <= capture.run.poses[-1].time_s - capture.run.poses[0].time_s
     assert capture.run.statistics.handed_over == count
+
+
+def test_the_last_take_is_drawn_in_time_with_the_next(part: Any, chosen: Any, play: Any, skeleton: Any) -> None:
+    ghost, overlay = part("viewport.ghost"), part("viewport.overlay")
+    rotations = swing(skeleton, ("lhumerus", "head"), 60)
+    poses, performer = anna(skeleton, rotations)
+    first = play(poses, performer)
+    tick(first, 31)
+    first.keep(bpy.context)
+    first.close()
+    last = ghost.last()
+    expected, _ = forward_kinematics(skeleton, rotations[:30], np.tile([0.0, 1.0, 0.0], (30, 1)))
+    for number in (0, 7, 29):
+        ((body, joints_m),) = last.at(number / 60.0 - 1e-6)
+        assert body.names == skeleton.names
+        np.testing.assert_allclose(joints_m, expected[number], atol=1e-5)
+    assert last.at(0.6) == []  # it is over
+    second = play(poses, performer)
+    drawn: list[float] = []
+    chosen.overlay = {"GHOST"}
+    scene = overlay.Scene.of([performer], None, lambda points_m: points_m, ghost=last)
+    chosen.record_by_button = True
+    tick(second, 1)
+    second._drawn = scene
+    tick(second, 10)
+    drawn.append(overlay._state.elapsed_s)  # rehearsing: in its first pose
+    second.record(chosen)
+    tick(second, 13)
+    drawn.append(overlay._state.elapsed_s)
+    assert drawn == [0.0, pytest.approx(11 / 60.0)]
+    shapes, _ = overlay.shapes_of(scene, poses[0], frozenset({"GHOST"}), lambda points_m: points_m[..., :2], 1.0, 0.1)
+    assert set(shapes.colours) == {overlay._GHOST_COLOUR}
+    overlay.hide()
+    second.close()
+    bpy.ops.wm.read_homefile(use_empty=True)
+    assert ghost.last() is None
