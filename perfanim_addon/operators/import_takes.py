@@ -43,7 +43,7 @@ class PERFANIM_OT_import_takes(FilesOperator, SolvingOperator, bpy.types.Operato
     """Import other systems' marker files, or the films or pictures of all cameras of a take: choose them, or the folder
     that holds them, with the calibration if it is not beside them"""
 
-    bl_label = "Import"
+    bl_label = "Import Motion"  # beside Blender's own entry if films or pictures are dropped
     title = "Importing takes"
     panel = takes_panel.KEY
     filter_glob: bpy.props.StringProperty(default=";".join(f"*{ending}" for ending in _ENDINGS), options={"HIDDEN"})

@@ -18,6 +18,7 @@ from ...errors import FormatError, MarkerSetError, PerfanimError, SubjectError, 
 from ...formats.markers.marker_files import READABLE, is_recorded
 from ...formats.take_file.take_reader import ENDING, read_take_file, take_name, unused_path
 from ...formats.take_file.take_recovery import recover
+from ...geometry.rig_file import rig_tables
 from ...labelling.take_import import UPS
 from ...markers.label_faults import told
 from ...markers.label_matching import AUTO, load_names
@@ -166,19 +167,32 @@ def _import_filmed(shared: _Import, filmed: FilmedTake, progress: Progress) -> d
         take = replace(read_labelled(file, shared.names), name=filmed.name)
     up = "y" if floor_of(filmed.rig) is not None else "feet"
     where = Path(filmed.sources[0]).parent
-    done = _import_take(shared, take, where, named or AUTO, up, lambda share, text: progress(0.5 + 0.5 * share, text))
+    # the pictures' cameras stand in the take's world only if it was not moved
+    origin = {"tracked": list(filmed.sources)} | ({"rig": rig_tables(filmed.rig)} if up == "y" else {})
+
+    def solving(share: float, text: str) -> None:
+        progress(0.5 + 0.5 * share, text)
+
+    done = _import_take(shared, take, where, named or AUTO, up, solving, origin)
     told_before = [text for text in facts["warnings"] if text != GUESSED]
     return done | {"cameras": str(filmed.calibration), "warnings": [*told_before, *done["warnings"]]}
 
 
 def _import_take(
-    shared: _Import, take: MarkerTake, path: Path, named: str, up: str, progress: Progress
+    shared: _Import,
+    take: MarkerTake,
+    path: Path,
+    named: str,
+    up: str,
+    progress: Progress,
+    origin: Mapping[str, Any] | None = None,
 ) -> dict[str, Any]:
     """Solve a take, store it and return facts about it.
 
     Args:
         path: File or source of the take, for messages.
         named: Name of the marker set, or "auto".
+        origin: What else the take remembers of its source.
     """
     args, subject, worn = shared.args, shared.subject, None
     if subject is None:
@@ -203,7 +217,7 @@ def _import_take(
         solved = solve_unmeasured(take, AUTO if named == AUTO else marker_set, shared.database, request, progress)
     warnings += [note for note in take.notes if note not in warnings]
     warnings += solved.clock.sentences if solved.clock is not None else []
-    solved.save(out, capture={"imported": str(path), "up": up})
+    solved.save(out, capture={"imported": str(path), "up": up} | dict(origin or {}))
     warnings += [f"{path.name}: {text}" for text in told(solved.corrected)]
     if not solved.verdict.is_good:
         warnings.append(f"{path.name}: {solved.verdict.text}")
