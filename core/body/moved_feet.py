@@ -3,7 +3,6 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.ndimage import gaussian_filter1d, maximum_filter1d
 
 from ..geometry import quaternion_components as c
 from ..geometry import rotations as rot
@@ -102,6 +101,8 @@ def with_moved_feet(motion: Motion, offsets_m: Array) -> Motion:
     moved, missed = _bent(motion, offsets_m)
     if missed.max() < 1e-4:
         return moved
+    from scipy.ndimage import gaussian_filter1d, maximum_filter1d  # slow to load; live feet need the legs alone
+
     frames = max(1, round(FEET_SETTINGS.fade_s * motion.fps))
     lower = gaussian_filter1d(maximum_filter1d(missed, 2 * frames + 1), 0.5 * frames, mode="nearest")
     down = lower[:, None] * [0.0, 1.0, 0.0]

@@ -6,14 +6,13 @@ from typing import Any
 import bpy
 
 from ...core.body.scene_pose import ScenePose
-from ...core.errors import PerfanimError
+from ...core.errors import CharacterError, PerfanimError
 from ...core.session.delayed_poses import calm_poses
 from ...core.session.gestures import GESTURES, GestureWatch
 from ...core.session.walk_test import judge_walk, walk_figures
 from ...core.simulate.studio.simulated_performer import SimulatedPerformer
 from ...core.system.files import exists
 from .. import take_library
-from ..animation.hand_keys import hand_turns
 from ..jobs import activity
 from ..jobs.job import Job
 from ..settings import readiness
@@ -195,13 +194,15 @@ class LiveCapture:
             self._driver.reapply_pose()
 
     def pose_hands(self, name: str, sides: str) -> None:
-        """Let the first character's hands ("l", "r", "lr") hold a pose from now on; CharacterError if it cannot."""
+        """Let the first performer's hands ("l", "r", "lr") hold a pose from now on, on all of their characters.
+
+        CharacterError if the first character cannot.
+        """
         driver = self._driver
         if driver is None or self.run is None or not self.run.poses or driver.space is None:
             return
-        turns = hand_turns(bpy.data.objects[driver.targets[0].armature], sides, name)
-        driver.hold(turns)
-        self._hands.add(self.run.poses[-1].time_s, turns)
+        driver.pose_hands(name, sides)
+        self._hands.add(self.run.poses[-1].time_s, name, sides)
 
     def tune(self, chosen: Any) -> None:
         """Use the smoothing and foot lock settings from now on."""
@@ -251,6 +252,9 @@ class LiveCapture:
         motion = TakeMotion(driver.targets, driver.props, all_poses, driver.copies)
         character, actions = write_take(context, motion, parts, "Capture")
         self._hands.key(bpy.data.objects[character], parts)
+        for copied in filter(None, (target.character() for target in driver.copies)):
+            with contextlib.suppress(CharacterError):  # a further character without fingers
+                self._hands.key(copied, parts)
         self.actions = tuple(actions)
         ghost.remember(ghost.Ghost.of([target.subject.skeleton for target in driver.targets], parts[-1].poses))
         recorded = parts[0].poses[0].number, parts[-1].poses[-1].number

@@ -86,9 +86,19 @@ def test_a_character_without_an_action_gets_one(part: Any, chosen: Any) -> None:
     assert bend_deg(chosen.armature, 1) > 45.0
 
 
-def test_hands_posed_live_are_shown_and_keyed(part: Any, chosen: Any, play: Any) -> None:
+def test_hands_posed_live_are_shown_and_keyed_on_all_characters(
+    chosen: Any, play: Any, targets: Any, new_character: Any
+) -> None:
     bpy.context.scene.render.fps = 60
     bpy.context.scene.frame_set(1)
+    chosen.armature, second, fingerless = (new_character(default_skeleton()) for _ in range(3))
+    bpy.ops.object.mode_set(mode="EDIT")  # the last one is active
+    for name in ("fingers.L", "fingers.R", "thumb.L", "thumb.R"):
+        fingerless.data.edit_bones.remove(fingerless.data.edit_bones[name])
+    bpy.ops.object.mode_set(mode="OBJECT")
+    for further in (fingerless, second):
+        entry = targets.entries.add()
+        entry.kind, entry.armature = "CHARACTER", further
     poses = [ScenePose((performer_pose(number),)) for number in range(40)]
     with closing(play(poses, Subject("Anna", default_skeleton(), load_marker_set("boxing")))) as capture:
         capture.tick(bpy.context)
@@ -97,7 +107,10 @@ def test_hands_posed_live_are_shown_and_keyed(part: Any, chosen: Any, play: Any)
             if number == 9:
                 capture.pose_hands("fist", "l")
             if number == 11:
-                assert round(np.degrees(chosen.armature.pose.bones["fingers.L"].rotation_quaternion.angle)) == 90
+                for each in (chosen.armature, second):
+                    assert round(np.degrees(each.pose.bones["fingers.L"].rotation_quaternion.angle)) == 90
         capture.keep(bpy.context)
-    assert [round(bend_deg(chosen.armature, frame)) for frame in (1, 10, 25)] == [0, 90, 90]
-    assert bend_deg(chosen.armature, 25, "fingers.R") == pytest.approx(0.0, abs=1e-3)
+    for each in (chosen.armature, second):
+        assert [round(bend_deg(each, frame)) for frame in (1, 10, 25)] == [0, 90, 90]
+        assert bend_deg(each, 25, "fingers.R") == pytest.approx(0.0, abs=1e-3)
+    assert fingerless.animation_data.action is not None
