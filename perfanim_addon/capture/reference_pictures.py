@@ -14,8 +14,7 @@ from ...core.errors import CaptureError, TakeError
 from ...core.formats.take_file.take_reader import TakeFile
 from ...core.geometry import rotations as rot
 from ...core.geometry.arrays import Array
-from ...core.geometry.camera import Camera, CameraRig
-from ...core.geometry.rig_file import rig_from
+from ...core.geometry.camera import Camera
 from ...core.system.files import is_file
 from ...core.vision.sources.file_endings import VIDEO_ENDINGS
 from ..animation.actions import scene_fps
@@ -61,7 +60,7 @@ def show_pictures(
     Raises:
         TakeError: The take was not made from films or pictures of calibrated cameras, or these are not there any more.
     """
-    rig, paths = _rig(take), _paths(take)
+    rig, paths = take.setup.camera_rig(), _paths(take)
     if rig is None or len(paths) != len(rig):
         advice = "choose a take of films or pictures, or switch Reference Pictures off"
         raise TakeError("has no reference pictures", where=take.notes.name, advice=advice)
@@ -74,11 +73,6 @@ def show_pictures(
         _show_behind(context, obj.data, camera, film, film.fps or own_fps, (poses_s[0] - begins_s, start_frame))
         made.append(str(obj.name))
     return made
-
-
-def _rig(take: TakeFile) -> CameraRig | None:
-    kept = take.setup.capture.get("rig")
-    return rig_from(kept, take.notes.name) if isinstance(kept, dict) else take.setup.camera_rig()
 
 
 def _paths(take: TakeFile) -> list[str]:

@@ -89,6 +89,7 @@ def test_two_films_are_dropped_onto_the_character_that_is_active(
     hand = opened(desktop, window, "import-films")
     import_character(hand, shared_dir.resolve() / XBOT)
     hand.toggle("Takes")
+    window.order("set", group="perfanim_result", values={"pictures": True})
     window.order("drop", paths=list(map(str, films)))
     hand.shot("which-of-the-two")
     hand.click("Import Motion")
@@ -99,5 +100,7 @@ def test_two_films_are_dropped_onto_the_character_that_is_active(
     assert " on XBOT; " in said, said
     bones = {joint: bone for joint, (bone, _) in window.order("map").items() if bone}
     check_upright(window, "XBOT", bones, np.arange(5.0, 60.0, 5.0))
-    (action,) = window.state()["actions"].values()
+    (action,) = [action for name, action in window.state()["actions"].items() if f" in {name} on" in said]
     assert action["last"] >= 24 * 2.9  # three seconds
+    window.order("through", camera=said.split("pictures behind ")[1].split(", ")[0], frame=40)
+    hand.shot("through-the-camera")
