@@ -103,4 +103,5 @@ def test_two_films_are_dropped_onto_the_character_that_is_active(
     (action,) = [action for name, action in window.state()["actions"].items() if f" in {name} on" in said]
     assert action["last"] >= 24 * 2.9  # three seconds
     window.order("through", camera=said.split("pictures behind ")[1].split(", ")[0], frame=40)
+    time.sleep(5.0)
     hand.shot("through-the-camera")
