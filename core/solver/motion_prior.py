@@ -23,9 +23,10 @@ from ..geometry.npz import read_arrays
 from ..system.files import reading
 from .gaussian_conditioning import Prior
 from .lagged_history import LaggedHistory
+from .marker_kinematics import exponential_and_right_jacobian
 from .observation import Observation
 from .root import root_from_torso
-from .subject_model import RootPose, SubjectModel, exponential_and_right_jacobian
+from .subject_model import RootPose, SubjectModel
 
 VERSION = 1
 _OFFSET_SCALE = 10.0  # factor of offsets, to bring centimetres to the range of the other inputs (decimetres to metres)
