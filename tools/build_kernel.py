@@ -63,6 +63,7 @@ def main() -> int:
             *([] if "windows" in platform else ["-lm"]),
         ]
         subprocess.run(command, check=True)
+        (options.out / "kernel.lib").unlink(missing_ok=True)  # for linking on Windows, which nobody does
         sys.stdout.write(f"{path}: {path.stat().st_size:,} bytes\n")
     return 0
 

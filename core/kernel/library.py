@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, Generic, NamedTuple, ParamSpec, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 VERSION = 1  # the same number stands in source/kernel.c
 FOLDER = Path(__file__).parent / "libraries"
@@ -93,15 +93,22 @@ def address(array: NDArray[Any]) -> Any:
     return array.ctypes.data
 
 
-def contiguous(array: NDArray[Any], kind: Any = np.float64) -> Any:
+def contiguous(array: ArrayLike, kind: Any = np.float64) -> Any:
     """Return the address of an array, which is copied unless it is contiguous and of this type."""
     return address(np.ascontiguousarray(array, dtype=kind))
 
 
 def checked(status: int) -> None:
-    """Raise an IndexError if a function of the library returns that an index is outside an array."""
-    if status:
+    """Raise the error that a function of the library returns.
+
+    Raises:
+        IndexError: An index is outside an array (1).
+        LinAlgError: A matrix is not finite (2).
+    """
+    if status == 1:
         raise IndexError("an index is outside the arrays of the kernel")
+    if status:
+        raise np.linalg.LinAlgError("a matrix is not finite")
 
 
 def _missing(*_arguments: Any) -> Any:

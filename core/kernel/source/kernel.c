@@ -3,6 +3,7 @@
    Each stage is compiled for the baseline instruction set and, for x86-64, once more for AVX2. Both give the same
    digits: the order of sums is written out, and products are not fused with sums. */
 
+#include <float.h>
 #include <math.h>
 #include <stdint.h>
 #include <string.h>
@@ -18,7 +19,8 @@
 EXPORT int32_t pf_version(void);
 int32_t pf_version(void) { return VERSION; }
 
-/* Eight values at once: two registers of the baseline, one of AVX. */
+/* Several values at once: two registers of the baseline, one of AVX. */
+typedef double v4d __attribute__((vector_size(32)));
 typedef float v8f __attribute__((vector_size(32)));
 typedef int16_t v8s __attribute__((vector_size(16)));
 
