@@ -31,6 +31,8 @@ _FLAGS = (
     "-fvisibility=hidden",
     "-ffp-contract=off",
 )
+# a library of macOS names itself, by default with its folder
+_SYSTEM_FLAGS = {"linux": ("-lm",), "windows": (), "macos": ("-Wl,-install_name,@rpath/perfanim_kernel.dylib",)}
 _SANITIZED = ("-O1", "-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
 
 
@@ -49,20 +51,10 @@ def main() -> int:
     for platform in options.platform or TARGETS:
         target, ending = TARGETS[platform]
         path = options.out / f"perfanim_kernel-{platform}.{ending}"
-        compiler = (
-            ["cc", *_SANITIZED]
-            if options.sanitize
-            else [sys.executable, "-m", "ziglang", "cc", "-target", target, "-O3", "-s"]
-        )
-        command = [
-            *compiler,
-            *_FLAGS,
-            "-o",
-            path,
-            KERNEL / "source" / "kernel.c",
-            *([] if "windows" in platform else ["-lm"]),
-        ]
-        subprocess.run(command, check=True)
+        zig = [sys.executable, "-m", "ziglang", "cc", "-target", target, "-O3", "-s"]
+        command = ["cc", *_SANITIZED] if options.sanitize else zig
+        command += [*_FLAGS, *_SYSTEM_FLAGS[platform.split("-")[0]], "-o", str(path)]
+        subprocess.run([*command, str(KERNEL / "source" / "kernel.c")], check=True)
         (options.out / "kernel.lib").unlink(missing_ok=True)  # for linking on Windows, which nobody does
         sys.stdout.write(f"{path}: {path.stat().st_size:,} bytes\n")
     return 0
