@@ -65,8 +65,9 @@ def _run(
     body: MarkerBody, pose: Array, root_matrix: Array, root_position_m: Array, found_m: Array, jacobian: Any
 ) -> None:
     if pose.ndim > 2:
-        root_matrix = np.broadcast_to(root_matrix, (*pose.shape[:-2], 3, 3)).copy()
-        root_position_m = np.broadcast_to(root_position_m, (*pose.shape[:-2], 3)).copy()
+        leading, matrix, position_m = pose.shape[:-2], root_matrix, root_position_m
+        root_matrix, root_position_m = np.empty((*leading, 3, 3)), np.empty((*leading, 3))
+        root_matrix[...], root_position_m[...] = matrix, position_m  # np.broadcast_to takes several times as long
     poses, matrices, positions_m = (contiguous(each) for each in (pose, root_matrix, root_position_m))
     sizes = pose.size // (3 * body.joint_count - 3), body.joint_count, len(body.joints), len(body.carriers)
     tables = address(body.indices), address(body.lengths)
