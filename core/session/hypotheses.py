@@ -24,7 +24,6 @@ class HypothesisSettings:
     """Settings of `Hypotheses`; costs are negative log likelihoods, nats."""
 
     most: int = 5  # number of hypotheses
-    hopeless: float = 25.0  # cost above which a hypothesis is dropped
     lead: float = 2.0  # gain over the best hypothesis that makes another the best
     same_m: float = 0.02  # distance up to which two points, or two bodies with the same labels, are the same
 
@@ -75,7 +74,13 @@ H = TypeVar("H", bound=Hypothesis)
 
 
 class LabelFinder(Protocol[H]):
-    """Finds the labels of one body's points."""
+    """Finds the labels of one body's points.
+
+    Attributes:
+        hopeless: Cost above which a hypothesis is dropped.
+    """
+
+    hopeless: float
 
     def reset(self) -> None:
         """Forget the motion so far."""
@@ -151,6 +156,6 @@ class Hypotheses(Generic[H]):
         least = ranked[0].cost if ranked else 0.0
         for hypothesis in ranked:
             hypothesis.cost -= least
-            if hypothesis.cost <= SETTINGS.hopeless and not any(map(hypothesis.is_like, result)):
+            if hypothesis.cost <= self._finder.hopeless and not any(map(hypothesis.is_like, result)):
                 result.append(hypothesis)
         return result[: SETTINGS.most]

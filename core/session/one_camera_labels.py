@@ -28,6 +28,7 @@ class OneCameraSettings:
 
     unlabelled: float = 6.0  # cost of an unlabelled blob
     most_frame: float = 60.0  # cap on the cost of one frame, so that no outlier is decisive
+    hopeless: float = 25.0  # cost above which a hypothesis is dropped
     start: float = 15.0  # initial cost of a hypothesis that starts from an example
     suspect: float = 0.6  # agreement below which labels are suspect, as they are with unlabelled blobs
     certain: float = 0.5  # agreement above which the root is certain
@@ -56,6 +57,8 @@ class OneCameraLabels:
         poses_m: Markers (M, 3) in each pose in which a performer may start, y up, facing +z.
         examples_m: Markers (E, M, 3) in database poses with the root at rest.
     """
+
+    hopeless = _S.hopeless
 
     def __init__(self, camera: Camera, solver: PoseSolver, poses_m: Sequence[Array], examples_m: FloatArray) -> None:
         self._camera, self._solver, self._torso = camera, solver, solver.subject.torso

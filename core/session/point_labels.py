@@ -40,7 +40,8 @@ class PointSettings:
     near_m: float = 0.02  # distance from the closest example below which a nearer one makes no difference
     most_frame: float = 60.0  # cap on a frame's cost over that of the best hypothesis
     independent_s: float = 0.1  # time in which the costs of frames count as those of one frame
-    born: int = 3  # largest number of hypotheses that begin in one frame
+    born: int = 2  # most hypotheses that begin in one frame, because each is solved
+    hopeless: float = 10.0  # cost above which a hypothesis is dropped, or not begun
     start: float = 3.0  # initial cost of labels found by a search
     followed: float = 10.0  # further cost if they relabel markers that were tracked confidently
     sure: float = 3.0  # cost of all other labels above which the best are certain
@@ -82,6 +83,8 @@ class PointLabels:
         feet: Mask (M,) of the markers on feet.
         size: Factor of the distances from a single camera at which its source has placed labelled points.
     """
+
+    hopeless = _S.hopeless
 
     def __init__(
         self,
@@ -251,7 +254,7 @@ class PointLabels:
                 continue
             cost = found_cost - searched.cost + _S.start + _S.followed * contradicts
             likeliest = min(likeliest, cost)
-            if cost > SETTINGS.hopeless or len(born) >= _S.born:
+            if cost > _S.hopeless or len(born) >= _S.born:
                 continue
             other = self._begun(*searched.search.carry(labels), contradicts, best, frame)
             if other is not None:

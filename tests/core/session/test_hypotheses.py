@@ -23,6 +23,8 @@ def hypothesis(points_m: np.ndarray = POINTS_M, cost: float = 0.0, apart_m: floa
 class Finder:
     """Stands for a label finder: adds known costs to the hypotheses, and proposes known ones."""
 
+    hopeless = 25.0
+
     def __init__(self, first: Hypothesis, *proposed: Hypothesis) -> None:
         self.first, self.proposed, self.costs = first, list(proposed), {}
 
