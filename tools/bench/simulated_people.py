@@ -36,7 +36,8 @@ from .tables import mean
 
 _POINTS = load_marker_set(BlazePose.marker_set)
 _OTHERS = other_sides(_POINTS.markers)
-_ERRORS = KeypointErrors(slow_m=0.03, fast_m=0.006)  # of each camera's points
+# of each camera's points: 30 mm, 17 mm along each axis, as measured (see docs/tuning-log.md, "Cameras by a walk")
+_ERRORS = KeypointErrors(slow_m=0.030 / np.sqrt(3.0), fast_m=0.006)
 _MEASURES = ("mpjpe_mm", "bone_direction_deg", "jitter_ratio")
 # joints that show on which side a limb is
 _LIMBS = (("radius", "wrist"), ("tibia", "foot"))
@@ -48,13 +49,13 @@ class FilmSettings:
     """The films, and what a network does to them besides its errors."""
 
     fps: float = 30.0
-    seconds: float = 5.0  # of each take, at most
+    seconds: float = 4.0  # of each take, at most
     beyond_m: float = 2.5  # distance of the cameras from the place nearest to them
     exchanged: float = 0.2  # share of one camera's pictures that show arms, legs or both exchanged
     exchanged_frames: tuple[int, int] = (5, 15)  # how many in a row
     missing: float = 0.05  # share of the points that a picture does not show
     crop: float = 1.3  # side of a crop in units of the body's extent in the picture
-    passes: int = 9  # draws of all errors in which left and right are decided; the first one is solved
+    passes: int = 11  # draws of all errors in which left and right are decided; the first one is solved
     long_s: float = 0.1  # time for which a limb may be on the other side
 
 
@@ -117,7 +118,7 @@ def _solve(
             motion = solve_take(take, subject, opened, settings, no_progress, causal=causal).motions[0]
             marked = solve_take(exact, true_subject(truth), opened, settings, no_progress, causal=causal).motions[0]
             errors, marked_errors = evaluate(motion, truth), evaluate(marked, truth)
-            counts = _counted(_crossed(motion, truth))
+            counts = _counted(crossed_limbs(motion, truth).any(axis=1))
             rows.append(
                 {"take": title, "way": way}
                 | {name: round(errors[name], 3) for name in _MEASURES}
@@ -185,20 +186,23 @@ def _misplaced(found: Sequence[MarkerFrame], right: IntArray) -> Mask:
     ])  # fmt: skip
 
 
-def _crossed(motion: Motion, truth: Motion) -> Mask:
-    """Return the frames (F,) in which arms or legs are nearer to the other side's than to their own of the truth."""
+def crossed_limbs(motion: Motion, truth: Motion) -> Mask:
+    """Return the frames (F, 2) in which arms, and legs, are nearer to the other side's than to their own of the truth.
+
+    The truth has at least the motion's frames, and the same joints.
+    """
     own_m, true_m = (
         forward_kinematics(each.skeleton, each.rotations, each.root_positions_m)[0] for each in (motion, truth)
     )
-    crossed = np.zeros(len(own_m), dtype=bool)
+    crossed = []
     for limb in _LIMBS:
         sides = [[truth.skeleton.index(side + name) for name in limb] for side in "lr"]
         ordered, other = (
             np.linalg.norm(own_m[:, sides] - true_m[: len(own_m), order], axis=-1).sum(axis=(1, 2))
             for order in (sides, sides[::-1])
         )
-        crossed |= other < ordered
-    return crossed
+        crossed.append(other < ordered)
+    return np.stack(crossed, axis=1)
 
 
 def _counted(wrong: Mask) -> dict[str, int]:
