@@ -13,7 +13,6 @@ import cv2
 import numpy as np
 from perfanim.core.api.solving import solve
 from perfanim.core.body.motion import Motion
-from perfanim.core.body.motion_metrics import CONTACT
 from perfanim.core.body.skeleton import forward_kinematics
 from perfanim.core.body.standard_skeleton import default_skeleton
 from perfanim.core.database.store import Database, open_database
@@ -31,12 +30,16 @@ from perfanim.core.vision.people.people_pipeline import PeoplePipeline, PersonLo
 from perfanim.core.vision.sources.source_kinds import open_image_source
 from perfanim.core.vision.tracked_take import labelled_take, relocate
 
+from .plots import Picture, check_plots, write_pictures
 from .run import Run
 from .scenarios import LIVE, OFFLINE
 from .simulated_people import crossed_limbs
 
 _FPS, _KEPT = 60.0, 2  # rate of the films; every second picture is looked at in a live capture of 30 Hz
-_STANCE_S = 0.2  # shortest stance
+# a foot stands while it moves more slowly than this, between moments so far apart, for so long; swinging feet move with
+# 0.7 m/s and more, standing ones seem to with 0.1 to 0.3, by errors of the network
+_STANDING_M_S, _APART_S, _STANCE_S = 0.5, 0.1, 0.2
+_MOMENTS = (0.1, 0.35, 0.6, 0.85)  # positions in the films that are pictured, as shares
 _ENDS = ("wrist", "foot"), ("toes",)  # joints that tremble, and that stand
 _UNTIMED = {"located_ms": float("nan"), "solved_ms": float("nan")}
 _WARM = 5  # moments that are not measured
@@ -52,8 +55,9 @@ def people(run: Run) -> dict[str, Any]:
         trembling: mean second difference of wrists and ankles; standing: RMS distance of standing toes from their mean
         place; median processor time), found_in_a_picture_ms, and of this machine, and of a laptop that is quicker in
         the network alone: cores (how many two cameras keep busy) and latency_ms (from the pictures to the pose, if the
-        pictures are looked at beside each other).
+        pictures are looked at beside each other). Four moments of each row are pictured beside all four cameras' pose.
     """
+    check_plots()
     cv2.setNumThreads(1)
     rig, network = load_rig(run.data / "Calib.qca.txt"), BlazePose(body_network_file())
     pipeline, database = PeoplePipeline(rig, [network] * len(rig)), open_database(run.embedded().path)
@@ -63,18 +67,18 @@ def people(run: Run) -> dict[str, Any]:
         frames.append(pipeline.detect(images))
         spent_s.append((time.process_time() - before_s) / len(rig))
     found_ms = 1e3 * float(np.median(spent_s[_WARM:]))
-    whole, rows = _offline(rig, frames, database), []
+    whole, rows, pictures = _offline(rig, frames, database), [], []
     for pair in combinations(range(len(rig)), 2):
         some = CameraRig(tuple(rig.cameras[camera] for camera in pair), rig.metadata)
         seen = [_seen_by(frame, pair) for frame in frames]
         motion, times_ms = _live(some, seen[::_KEPT], database)
         for way, own, every in ((LIVE, motion, _KEPT), (OFFLINE, _offline(some, seen, database), 1)):
+            names, truth = " ".join(camera.name for camera in some.cameras), _every(whole, every)
             rows.append(
-                {"cameras": " ".join(camera.name for camera in some.cameras), "way": way}
-                | _compared(own, _every(whole, every), some)
-                | (times_ms if way == LIVE else _UNTIMED)
+                {"cameras": names, "way": way} | _compared(own, truth, some) | (times_ms if way == LIVE else _UNTIMED)
             )
-            run.progress(len(rows) / 12.0, rows[-1]["cameras"])
+            moments = [int(share * own.frames) for share in _MOMENTS]
+            pictures += [Picture.of(f"{names} {way}, frame {every * n}", truth, own, n) for n in moments]
     rest_ms = float(np.mean([sum(row[name] for name in _UNTIMED) for row in rows if row["way"] == LIVE]))
     rate = _FPS / _KEPT / 1e3
     figures = {
@@ -85,7 +89,7 @@ def people(run: Run) -> dict[str, Any]:
         "laptop_latency_ms": _LAPTOP_MS + rest_ms,
     }
     found = {"rows": rows} | {name: round(value, 2) for name, value in figures.items()}
-    return run.write("people", found, {"": rows})
+    return run.write("people", found, {"": rows}, write_pictures(run.out / "people-strips", pictures))
 
 
 def _every(motion: Motion, nth: int) -> Motion:
@@ -147,7 +151,8 @@ def _compared(motion: Motion, whole: Motion, rig: CameraRig) -> dict[str, Any]:
 
 def _standing_m(own_m: Array, whole_m: Array, fps: float) -> float:
     """Return the RMS distance of toes (F, 2, 3) from their mean places while those by all cameras stand still."""
-    slow = np.linalg.norm(np.diff(whole_m, axis=0), axis=-1) * fps < CONTACT.speed_m_s
+    step = round(_APART_S * fps)
+    slow = np.linalg.norm(whole_m[step:] - whole_m[:-step], axis=-1) < _STANDING_M_S * step / fps
     stances = [own_m[first:stop, foot] for foot in range(2) for first, stop in runs(slow[:, foot])]
     apart_m = [stance - stance.mean(axis=0) for stance in stances if len(stance) > _STANCE_S * fps]
-    return float(np.sqrt(np.mean(np.sum(np.concatenate(apart_m) ** 2, axis=1)))) if apart_m else float("nan")
+    return float(np.sqrt(np.mean(np.sum(np.concatenate(apart_m) ** 2, axis=-1)))) if apart_m else float("nan")

@@ -109,7 +109,7 @@ class PeoplePipeline:
         """
         found = []
         for follower, image, rows in zip(self._followers, images.images, seen.detected, strict=True):
-            other = find_other(follower.network, image, rows[:, :2]) if len(rows) else None
+            other = find_other(follower.network, image, rows[:, :2].astype(np.float64)) if len(rows) else None
             found.append(other.pixels if other else None)
         return found
 
