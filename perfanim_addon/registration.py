@@ -51,10 +51,12 @@ def _other_modules() -> Sequence[ModuleType]:
     from .character import bone_map_settings
     from .jobs import activity
     from .preferences import new_file_defaults
+    from .viewport import ghost
 
     panels = [import_module(f".panels.{name}", __package__) for name in _PANELS]
     # activity is unregistered first, so that running work ends while the rest is still registered
-    return (bone_map_settings, *_modules_of(settings), *_modules_of(operators), new_file_defaults, *panels, activity)
+    modules = (bone_map_settings, *_modules_of(settings), *_modules_of(operators), new_file_defaults, ghost, *panels)
+    return (*modules, activity)
 
 
 def _modules_of(package: ModuleType) -> list[ModuleType]:

@@ -1,8 +1,7 @@
-"""Foot lock: detects standing feet and holds them with inverse kinematics of the legs.
+"""Foot lock: detects standing feet frame by frame, and holds them by bending the legs (see `moved_feet`).
 
 The lock holds the ball of the foot (the toe joint), because the heel lifts long before the foot leaves the floor. The
-ankle moves by the offset from the solved to the held ball; hip and knee rotate in the plane of the leg so that the
-ankle follows, and the foot keeps its orientation in the world. After the release the offset fades out, so that nothing
+ankle moves by the offset from the solved to the held ball. After the release the offset fades out, so that nothing
 jumps.
 """
 
@@ -11,17 +10,14 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ..errors import SettingsError
-from ..geometry import rotations as rot
 from ..geometry.arrays import Array
 from ..geometry.camera import CameraRig
-from ..geometry.two_bone_ik import reach_with_two_bones
 from .calibration_poses import standing
 from .motion import Motion
+from .moved_feet import bent_legs, floor_height_m
 from .skeleton import Skeleton, forward_kinematics
 
 FEET = ("off", "auto", "always")
-
-_KNEE_AXIS = np.array([1.0, 0.0, 0.0])  # hinge of a straight leg: to the performer's left in the rest pose
 
 
 @dataclass(frozen=True)
@@ -38,11 +34,9 @@ class FootLockSettings:
     glide_reach_m: float = 0.30  # largest offset of a foot that is held although it glides
     lower_m: float = 0.02  # height by which a foot must be lower than the held one to replace it
     fade_s: float = 0.12  # time constant of the release
-    # longest reach, as a fraction of the leg's length; beyond it, a millimetre turns the knee by degrees
-    straightest: float = 0.995
+    still_m: float = 1e-5  # smaller offsets are left out
     pause_s: float = 0.25  # time without a pose after which the lock restarts
     floor_memory_s: float = 2.0  # period whose lowest ball of a foot shows the height of an unknown floor
-    floor_percentile: float = 5.0  # percentile of the lower foot's heights that represents the floor of a motion
 
 
 _SETTINGS = FootLockSettings()
@@ -60,12 +54,7 @@ def hold_feet(motion: Motion, mode: str, floor_m: float | None) -> Motion:
     """
     if mode == "off":
         return motion
-    if floor_m is None:
-        skeleton = motion.skeleton
-        balls = [skeleton.index(side + "toes") for side in "lr"]
-        heights = forward_kinematics(skeleton, motion.rotations, motion.root_positions_m)[0][:, balls, 1]
-        floor_m = float(np.percentile(heights.min(axis=1), _SETTINGS.floor_percentile)) - _standing_heights(skeleton)[0]
-    lock = FootLock(motion.skeleton, mode, floor_m)
+    lock = FootLock(motion.skeleton, mode, floor_height_m(motion) if floor_m is None else floor_m)
     frames = zip(motion.rotations, motion.root_positions_m, strict=True)
     held = [lock.step(i / motion.fps, rotations, root) for i, (rotations, root) in enumerate(frames)]
     return replace(motion, rotations=np.array(held))
@@ -90,11 +79,8 @@ def _standing_heights(skeleton: Skeleton) -> tuple[float, float]:
 
 @dataclass
 class _Foot:
-    """Joints of one leg, and the state of its lock."""
+    """Ball of one foot, and the state of its lock."""
 
-    femur: int
-    tibia: int
-    foot: int
     toes: int
     stand_m: float  # height of the ball when standing
     past: list[tuple[float, Array]] = field(default_factory=list)
@@ -127,8 +113,7 @@ class FootLock:
         self._lowest: list[tuple[float, float]] = []
         self._feet = []
         for side, stand_m in zip("lr", _standing_heights(skeleton), strict=True):
-            femur, tibia, foot, toes = (skeleton.index(side + name) for name in ("femur", "tibia", "foot", "toes"))
-            self._feet.append(_Foot(femur, tibia, foot, toes, stand_m))
+            self._feet.append(_Foot(skeleton.index(side + "toes"), stand_m))
         self._time_s = -np.inf
 
     def step(self, time_s: float, rotations: Array, root_position_m: Array) -> Array:
@@ -144,15 +129,15 @@ class FootLock:
         positions, world = forward_kinematics(self._skeleton, rotations, root_position_m)
         floor_m = self._floor_under(time_s, positions)
         heights = [float(positions[foot.toes, 1]) - floor_m - foot.stand_m for foot in self._feet]
-        result = rotations
         carrying = self._carrying(heights) if self.mode == "always" else None
         for foot, height in zip(self._feet, heights, strict=True):
             glides = foot is carrying and height < _SETTINGS.planted_m
             self._hold(foot, time_s, passed_s, positions[foot.toes], height, glides)
-            if np.dot(foot.offset_m, foot.offset_m) > 1e-10:
-                result = result.copy() if result is rotations else result
-                self._reach(foot, result, positions, world)
-        return result
+        offsets_m = np.array([foot.offset_m for foot in self._feet])
+        if not np.any(np.abs(offsets_m) > _SETTINGS.still_m):
+            return rotations
+        bent, _ = bent_legs(self._skeleton, rotations[None], positions[None], world[None], offsets_m[None])
+        return np.asarray(bent[0])
 
     def _floor_under(self, time_s: float, positions: Array) -> float:
         if self._floor_m is not None:
@@ -194,18 +179,3 @@ class FootLock:
                 return
             foot.anchor_m = None
         foot.offset_m = foot.offset_m * np.exp(-passed_s / _SETTINGS.fade_s)
-
-    def _reach(self, foot: _Foot, rotations: Array, positions: Array, world: Array) -> None:
-        """Turn hip, knee and ankle, in place in `rotations`, so that the ankle moves by the foot's offset."""
-        hip, knee, ankle = positions[foot.femur], positions[foot.tibia], positions[foot.foot]
-        femur, tibia = reach_with_two_bones(
-            (hip, knee, ankle),
-            (world[foot.femur], world[foot.tibia]),
-            ankle - hip + foot.offset_m,
-            rot.rotate(world[foot.tibia], _KNEE_AXIS),
-            _SETTINGS.straightest,
-        )
-        above = world[self._skeleton.parents[foot.femur]]
-        rotations[foot.femur] = rot.multiply(rot.conjugate(above), femur)
-        rotations[foot.tibia] = rot.multiply(rot.conjugate(femur), tibia)
-        rotations[foot.foot] = rot.multiply(rot.conjugate(tibia), world[foot.foot])

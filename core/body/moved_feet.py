@@ -3,14 +3,13 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.ndimage import gaussian_filter1d, maximum_filter1d
 
 from ..geometry import quaternion_components as c
 from ..geometry import rotations as rot
 from ..geometry.arrays import Array, Mask, runs
 from ..geometry.two_bone_ik import two_bone_directions
 from .motion import Motion
-from .skeleton import forward_kinematics
+from .skeleton import Skeleton, forward_kinematics
 from .soles import sole_heights_m
 
 
@@ -24,7 +23,7 @@ class FeetSettings:
     fade_s: float = 0.15  # time in which a correction begins and ends
     # longest reach, as a fraction of the leg's length, unless it is straighter already; beyond it, a millimetre turns
     # the knee by degrees
-    straightest: float = 0.997
+    straightest: float = 0.995
     hinge: float = 0.05  # weight of the knee's hinge axis in the normal of the leg's plane, for straight legs
     floor_percentile: float = 10.0  # percentile of the lower sole's heights that is the floor
 
@@ -102,6 +101,8 @@ def with_moved_feet(motion: Motion, offsets_m: Array) -> Motion:
     moved, missed = _bent(motion, offsets_m)
     if missed.max() < 1e-4:
         return moved
+    from scipy.ndimage import gaussian_filter1d, maximum_filter1d  # slow to load; live feet need the legs alone
+
     frames = max(1, round(FEET_SETTINGS.fade_s * motion.fps))
     lower = gaussian_filter1d(maximum_filter1d(missed, 2 * frames + 1), 0.5 * frames, mode="nearest")
     down = lower[:, None] * [0.0, 1.0, 0.0]
@@ -110,9 +111,23 @@ def with_moved_feet(motion: Motion, offsets_m: Array) -> Motion:
 
 def _bent(motion: Motion, offsets_m: Array) -> tuple[Motion, Array]:
     """Return a motion with its feet moved, and how far (F,) the hips are too high for it, metres."""
-    skeleton, rotations = motion.skeleton, motion.rotations.copy()
-    positions, world = forward_kinematics(skeleton, motion.rotations, motion.root_positions_m)
-    missed = np.zeros(motion.frames)
+    posed = forward_kinematics(motion.skeleton, motion.rotations, motion.root_positions_m)
+    rotations, missed = bent_legs(motion.skeleton, motion.rotations, *posed, offsets_m)
+    return replace(motion, rotations=rotations), missed
+
+
+def bent_legs(
+    skeleton: Skeleton, rotations: Array, positions: Array, world: Array, offsets_m: Array
+) -> tuple[Array, Array]:
+    """Return rotations (F, J, 4) with the feet moved, and how far (F,) the hips are too high for it, metres.
+
+    Thighs and shanks turn in the planes of the legs, and the feet keep their orientation in the world.
+
+    Args:
+        positions, world: Positions (F, J, 3) and world rotations (F, J, 4) of the joints.
+        offsets_m: Offsets (F, 2, 3) of the left and the right foot.
+    """
+    rotations, missed = rotations.copy(), np.zeros(len(rotations))
     for column, side in enumerate("lr"):
         if not np.any(offsets_m[:, column]):
             continue
@@ -137,7 +152,7 @@ def _bent(motion: Motion, offsets_m: Array) -> tuple[Motion, Array]:
         rotations[:, femur] = rot.multiply(rot.conjugate(above), upper)
         rotations[:, tibia] = rot.multiply(rot.conjugate(upper), lower)
         rotations[:, foot] = rot.multiply(rot.conjugate(lower), world[:, foot])
-    return replace(motion, rotations=rotations), missed
+    return rotations, missed
 
 
 def _unit(vectors: Array) -> Array:

@@ -4,7 +4,7 @@ A limb is found by its names if they are complete and agree with the hierarchy, 
 are found by the hierarchy between hips, arms and head, because rigs have any number of bones there.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from itertools import pairwise
@@ -15,6 +15,7 @@ from ..body.standard_skeleton import JOINT_NAMES, joint_label
 from ..errors import CharacterError
 from .armature_rest import ArmatureRest
 from .bone_name_parser import LIMB_WORDS
+from .displayed_joint_names import BLENDER, OWN, naming_of
 from .joint_matching import match_names, match_trunk
 from .limb_detection import Limbs, arm_joints, check_upright, cosine, find_limbs, leg_joints
 from .rest_alignment import up_and_left
@@ -70,9 +71,16 @@ class BoneMap:
         return expected and not self.of_state(MatchState.SUSPECT)
 
 
-def identity_bone_map() -> BoneMap:
-    """Return the map of an armature whose bones have the joints' names."""
-    return BoneMap({joint: JointMatch(joint, MatchState.MAPPED) for joint in JOINT_NAMES}, "names")
+def own_bone_map(bones: Collection[str]) -> BoneMap | None:
+    """Return the map of a new character with these bones, or None if they are not those of a new character.
+
+    Characters of early versions have the names of the standard joints.
+    """
+    for naming in (BLENDER, OWN):
+        names = naming_of(naming)
+        if set(names.values()) <= set(bones):
+            return BoneMap({joint: JointMatch(name, MatchState.MAPPED) for joint, name in names.items()}, "names")
+    return None
 
 
 def find_bone_map(rest: ArmatureRest, presets: Mapping[str, Mapping[str, str]] | None = None) -> BoneMap:

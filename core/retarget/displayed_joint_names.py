@@ -7,6 +7,7 @@ from ..body.standard_skeleton import JOINT_NAMES, TABLES, facts_of
 from ..errors import SettingsError
 
 OWN = "cmu"  # names of the CMU Motion Capture Database, which the standard skeleton uses
+BLENDER = "blender"  # names of new characters in Blender
 
 NAMINGS: dict[str, dict[str, str]] = {
     OWN: {name: name for name in JOINT_NAMES},

@@ -6,20 +6,19 @@ from typing import Any
 import bpy
 
 from ...core.body.scene_pose import ScenePose
-from ...core.errors import PerfanimError
+from ...core.errors import CharacterError, PerfanimError
 from ...core.session.delayed_poses import calm_poses
 from ...core.session.gestures import GESTURES, GestureWatch
 from ...core.session.walk_test import judge_walk, walk_figures
 from ...core.simulate.studio.simulated_performer import SimulatedPerformer
 from ...core.system.files import exists
 from .. import take_library
-from ..animation.hand_keys import hand_turns
 from ..jobs import activity
 from ..jobs.job import Job
 from ..settings import readiness
 from ..settings.capture_settings import chosen_gesture, settings
 from ..settings.result_settings import start_frame
-from ..viewport import overlay, picture_overlay
+from ..viewport import ghost, overlay, picture_overlay
 from . import capture_request, sound
 from .capture_recording import Cue, Recording
 from .capture_run import CaptureRun, Phase
@@ -131,8 +130,10 @@ class LiveCapture:
         if parts and self._drawn is None and self.setup is not None:
             cameras, space = self.setup.request.cameras, driver.start(context)
             simulated = isinstance(cameras.source, SimulatedPerformer)
-            self._drawn = overlay.Scene.of(self.setup.performers, cameras.rig, space.points_to_scene, simulated)
-        overlay.show(self._drawn, pose, parts)
+            placed = space.points_to_scene
+            self._drawn = overlay.Scene.of(self.setup.performers, cameras.rig, placed, simulated, ghost.last())
+        elapsed_s = self.recording.seconds(self.run.poses) if self.recording and self.run else 0.0
+        overlay.show(self._drawn, pose, parts, elapsed_s)
 
     def _record(self, context: bpy.types.Context, run: CaptureRun) -> None:
         recording = self.recording
@@ -193,13 +194,15 @@ class LiveCapture:
             self._driver.reapply_pose()
 
     def pose_hands(self, name: str, sides: str) -> None:
-        """Let the first character's hands ("l", "r", "lr") hold a pose from now on; CharacterError if it cannot."""
+        """Let the first performer's hands ("l", "r", "lr") hold a pose from now on, on all of their characters.
+
+        CharacterError if the first character cannot.
+        """
         driver = self._driver
         if driver is None or self.run is None or not self.run.poses or driver.space is None:
             return
-        turns = hand_turns(bpy.data.objects[driver.targets[0].armature], sides, name)
-        driver.hold(turns)
-        self._hands.add(self.run.poses[-1].time_s, turns)
+        driver.pose_hands(name, sides)
+        self._hands.add(self.run.poses[-1].time_s, name, sides)
 
     def tune(self, chosen: Any) -> None:
         """Use the smoothing and foot lock settings from now on."""
@@ -249,7 +252,11 @@ class LiveCapture:
         motion = TakeMotion(driver.targets, driver.props, all_poses, driver.copies)
         character, actions = write_take(context, motion, parts, "Capture")
         self._hands.key(bpy.data.objects[character], parts)
+        for copied in filter(None, (target.character() for target in driver.copies)):
+            with contextlib.suppress(CharacterError):  # a further character without fingers
+                self._hands.key(copied, parts)
         self.actions = tuple(actions)
+        ghost.remember(ghost.Ghost.of([target.subject.skeleton for target in driver.targets], parts[-1].poses))
         recorded = parts[0].poses[0].number, parts[-1].poses[-1].number
         span = None if recorded == (all_poses[0].number, all_poses[-1].number) else recorded
         with contextlib.suppress(PerfanimError):  # there may be no take, because of a full disk or a killed worker

@@ -1,15 +1,17 @@
 """Live motion of the characters and objects in a capture."""
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Sequence
+from contextlib import suppress
 from dataclasses import replace
 
 import bpy
 from mathutils import Quaternion, Vector
 
 from ...core.body.scene_pose import PropPose, ScenePose
-from ...core.geometry.arrays import Array
+from ...core.errors import CharacterError
 from ...core.markers.prop import Prop
 from ...core.markers.subject import Subject
+from ..animation.hand_keys import hand_turns
 from ..blender_versions import detach_action
 from ..settings import target_settings
 from .armature_driver import ArmatureDriver
@@ -96,9 +98,15 @@ class SceneDriver:
         for driver in self._further:
             driver.apply_offset(poses, space)
 
-    def hold(self, turns: Mapping[str, Array]) -> None:
-        """Keep bones of the first character in rotations (4,) relative to rest."""
-        self._main.hold(turns)
+    def pose_hands(self, name: str, sides: str) -> None:
+        """Keep the hands of the first performer's characters in a pose; see `hand_turns`.
+
+        Further characters without fingers stay as they are; CharacterError if the first one has none.
+        """
+        self._main.pose_hands(name, sides)
+        for driver in self._copies:
+            with suppress(CharacterError):
+                driver.pose_hands(name, sides)
 
     def reapply_pose(self) -> None:
         """Apply the last pose again after an animation has overwritten it."""
@@ -145,9 +153,10 @@ class _PerformerDriver:
         if self._driver is not None:
             self._driver.apply(*(offset.apply(rotations, root_m) if offset else (rotations, root_m)))
 
-    def hold(self, turns: Mapping[str, Array]) -> None:
-        if self._driver is not None:
-            self._driver.hold(turns)
+    def pose_hands(self, name: str, sides: str) -> None:
+        character = self.target.character()
+        if self._driver is not None and character is not None:
+            self._driver.hold(hand_turns(character, sides, name))
 
     def apply_offset(self, poses: Sequence[ScenePose], space: CaptureSpace) -> None:
         character = self.target.character()

@@ -32,6 +32,7 @@ from ..settings.result_settings import placement
 from .capture_space import CaptureSpace, RigidOffset
 from .continue_take import OwnMotion, continue_animation
 from .performer_targets import PerformerTarget
+from .reference_pictures import show_pictures
 
 _NO_OFFSET = RigidOffset(rot.identity(), np.zeros(3))
 
@@ -178,9 +179,7 @@ def write_take(
     main, *further = motion.performers
     main = main.ensure_character(context, None)
     character, skeleton = bpy.data.objects[main.armature], main.subject.skeleton
-    plan = plan_for(character, skeleton)
-    space = CaptureSpace(character, plan)
-    placing = _Placing.of(context, parts[0].steady(main.index), skeleton, space)
+    plan, space, placing = _placed(context, main, parts[0])
     actions = []
     for part in parts:
         poses = placing.of_performer(part.steady(main.index), skeleton)
@@ -202,6 +201,26 @@ def write_take(
             for target in motion.copies:
                 actions += writer.copy(target, part)
     return main.armature, actions
+
+
+def _placed(
+    context: bpy.types.Context, main: PerformerTarget, part: RecordedPart
+) -> tuple[RetargetPlan, CaptureSpace, _Placing]:
+    """Return the plan of the first performer's character, the capture space there, and the place of a take in it."""
+    character, skeleton = bpy.data.objects[main.armature], main.subject.skeleton
+    plan = plan_for(character, skeleton)
+    space = CaptureSpace(character, plan)
+    return plan, space, _Placing.of(context, part.steady(main.index), skeleton, space)
+
+
+def show_reference(context: bpy.types.Context, take: TakeFile, main: PerformerTarget, part: RecordedPart) -> list[str]:
+    """Show a written take's films or pictures; arguments and errors are those of `show_pictures`."""
+    _, space, placing = _placed(context, main, part)
+
+    def to_scene(turns: Array, places_m: Array) -> tuple[Array, Array]:
+        return space.to_scene(*placing.of_prop(turns, places_m))
+
+    return show_pictures(context, take, [pose.time_s for pose in part.poses], part.start_frame, to_scene)
 
 
 @dataclass(frozen=True)

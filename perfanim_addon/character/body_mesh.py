@@ -15,6 +15,7 @@ from ...core.body.soles import upright_foot
 from ...core.body.standard_skeleton import default_skeleton
 from ...core.geometry import rotations as rot
 from ...core.geometry.arrays import Array, IntArray
+from ...core.retarget.displayed_joint_names import BLENDER, naming_of
 from ...core.system.assets import CHARACTER
 from ..blender_versions import enable_nodes
 from . import axes
@@ -139,7 +140,7 @@ def _add_groups(obj: bpy.types.Object, skeleton: Skeleton, weights: Array) -> No
     kept = np.where(weights < _FIT.least_weight, 0.0, weights)
     kept /= kept.sum(axis=1, keepdims=True)
     for joint, name in enumerate(skeleton.names):
-        group = obj.vertex_groups.new(name=name)
+        group = obj.vertex_groups.new(name=naming_of(BLENDER)[name])
         for vertex in np.flatnonzero(kept[:, joint]):
             group.add([int(vertex)], float(kept[vertex, joint]), "REPLACE")
 

@@ -1,12 +1,13 @@
-"""Creation of characters: armatures with the standard skeleton's joints as bones."""
+"""Creation of characters: armatures with a bone for each joint of the standard skeleton, named for Blender."""
 
 import bpy
 import numpy as np
 
 from ...core.body.body_size import standing_root_m
 from ...core.body.skeleton import Skeleton
-from ...core.body.standard_skeleton import JOINT_NAMES
 from ...core.errors import CharacterError
+from ...core.retarget.bone_map import BoneMap, own_bone_map
+from ...core.retarget.displayed_joint_names import BLENDER, naming_of
 from . import axes
 from .armature_reading import LIMITS
 from .body_mesh import add_body
@@ -58,17 +59,18 @@ def _add_bones(armature: bpy.types.Armature, skeleton: Skeleton) -> None:
     heads = axes.points_to_blender(skeleton.rest_positions_m + standing_root_m(skeleton))
     tips = axes.points_to_blender(skeleton.tips_m)
     up, forward = axes.points_to_blender(np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]))
-    for joint, name in enumerate(skeleton.names):
+    names = [naming_of(BLENDER)[joint] for joint in skeleton.names]
+    for joint, name in enumerate(names):
         bone = armature.edit_bones.new(name)
         bone.head = heads[joint]
         length, least = float(np.linalg.norm(tips[joint])), LIMITS.shortest_bone_m
         longer = least * (tips[joint] / length if length > 1e-6 else up)
         bone.tail = heads[joint] + (tips[joint] if length >= least else longer)
         # this roll makes knees, elbows and the spine bend about their local X axis, as animators expect
-        bone.align_roll(up if name[1:] in _FORWARD_BONES else forward)
+        bone.align_roll(up if skeleton.names[joint][1:] in _FORWARD_BONES else forward)
         parent = skeleton.parents[joint]
         if parent >= 0:
-            bone.parent = armature.edit_bones[skeleton.names[parent]]
+            bone.parent = armature.edit_bones[names[parent]]
 
 
 def find_armature(object_name: str) -> bpy.types.Object:
@@ -88,6 +90,6 @@ def find_armature(object_name: str) -> bpy.types.Object:
     return obj
 
 
-def joints_without_bone(armature_object: bpy.types.Object) -> list[str]:
-    """Return the standard joints that have no bone in the armature."""
-    return [name for name in JOINT_NAMES if name not in armature_object.data.bones]
+def own_map(armature_object: bpy.types.Object) -> BoneMap | None:
+    """Return the bone map of a character made by `create_character`, or None for others."""
+    return own_bone_map(armature_object.data.bones.keys())

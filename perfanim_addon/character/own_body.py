@@ -11,7 +11,7 @@ from ...core.retarget.character_skeleton import character_skeleton
 from ...core.retarget.retargeter import RetargetPlan
 from .armature_reading import read_armature_rest
 from .bone_map_settings import stored_map, stored_root_motion
-from .create_character import joints_without_bone
+from .create_character import own_map
 from .retarget_plans import bones_of, character_fit, map_of, plan_with_map
 
 
@@ -21,7 +21,7 @@ def own_skeleton(armature_object: bpy.types.Object) -> Skeleton:
     A foreign character is scaled to a person's size: its legs get the default skeleton's length.
     """
     rest, bones = read_armature_rest(armature_object), bones_of(armature_object)
-    is_own = not joints_without_bone(armature_object) and stored_map(armature_object) is None
+    is_own = own_map(armature_object) is not None and stored_map(armature_object) is None
     fit = replace(character_fit(armature_object, rest, bones), adjustments=Adjustments())
     return character_skeleton(armature_object.name, rest, bones, is_own, fit)
 

@@ -8,10 +8,9 @@ import bpy
 import numpy as np
 
 from ...core.body.skeleton import Skeleton
-from ...core.body.standard_skeleton import JOINT_NAMES
 from ...core.errors import CharacterError
 from ...core.retarget.armature_rest import ArmatureRest
-from ...core.retarget.bone_map import BoneMap, find_bone_map, identity_bone_map
+from ...core.retarget.bone_map import BoneMap, find_bone_map
 from ...core.retarget.bone_map_files import read_presets
 from ...core.retarget.character_fit import Adjustments, CharacterFit
 from ...core.retarget.retargeter import RetargetPlan, RootMotion, plan_retarget
@@ -25,7 +24,7 @@ from .bone_map_settings import (
     stored_map,
     stored_root_motion,
 )
-from .create_character import joints_without_bone
+from .create_character import own_map
 from .foot_skin import foot_skins
 
 _LINKED = "make a library override of it (Object > Library Override > Make)"
@@ -49,7 +48,7 @@ def fill_map(armature_object: bpy.types.Object) -> None:
         return
     if armature_object.perfanim_character.joints and not _problem(armature_object, stored_map):
         return
-    if not joints_without_bone(armature_object):
+    if own_map(armature_object) is not None:
         clear_map(armature_object)
         return
     try:
@@ -75,11 +74,9 @@ def _problem(armature_object: bpy.types.Object, check: Callable[[bpy.types.Objec
     return ""
 
 
-def _has_proportions(rest: ArmatureRest, skeleton: Skeleton) -> bool:
-    """Return whether an armature has the joints' names and the performer's leg proportions."""
-    if not set(JOINT_NAMES) <= rest.index.keys():
-        return False
-    heads = rest.heads[[rest.index[name] for name in skeleton.names]]
+def _has_proportions(rest: ArmatureRest, own: BoneMap, skeleton: Skeleton) -> bool:
+    """Return whether a new character has the performer's leg proportions."""
+    heads = rest.heads[[rest.index[own.bones[name]] for name in skeleton.names]]
     lines = [skeleton.index(side + joint) for side in "lr" for joint in ("tibia", "foot", "toes")]
     above = skeleton.parents[lines]
     mine = np.linalg.norm(heads[lines] - heads[above], axis=-1)
@@ -96,19 +93,17 @@ def plan_for(armature_object: bpy.types.Object, skeleton: Skeleton) -> RetargetP
     kept = stored_map(armature_object)
     root_motion = stored_root_motion(armature_object)
     if kept is None and root_motion is RootMotion.HIPS:
-        rest = read_armature_rest(armature_object)
-        if _has_proportions(rest, skeleton) and stored_adjustments(armature_object) == Adjustments():
+        rest, own = read_armature_rest(armature_object), own_map(armature_object)
+        if own and _has_proportions(rest, own, skeleton) and stored_adjustments(armature_object) == Adjustments():
             check_scale(armature_object)
-            return plan_retarget(skeleton, rest, identity_bone_map(), same_body=True)
+            return plan_retarget(skeleton, rest, own, same_body=True)
     return plan_with_map(armature_object, skeleton, map_of(armature_object), root_motion)
 
 
 def map_of(armature_object: bpy.types.Object) -> BoneMap:
     """Return the bone map of an armature: the stored one, or else one that is found; CharacterError without a map."""
-    kept = stored_map(armature_object)
-    if kept is None and not joints_without_bone(armature_object):
-        return identity_bone_map()
-    return kept or find_map(armature_object, user_folder(PRESETS_FOLDER))
+    known = stored_map(armature_object) or own_map(armature_object)
+    return known or find_map(armature_object, user_folder(PRESETS_FOLDER))
 
 
 def character_fit(armature_object: bpy.types.Object, rest: ArmatureRest, bones: Mapping[str, str]) -> CharacterFit:

@@ -23,7 +23,7 @@ from ...core.body.motion import Motion
 from ...core.errors import CharacterError, FormatError, PerfanimError
 from ...core.formats.motion.read_motion import read_motion
 from ...core.geometry.arrays import Array
-from ...core.retarget.bone_map import BoneMap, MatchState, checked_map, identity_bone_map
+from ...core.retarget.bone_map import BoneMap, MatchState, checked_map
 from ...core.retarget.bone_map_files import load_bone_map
 from ...core.retarget.retargeter import RetargetPlan, RootMotion
 from ...core.system.file_content import check_kind
@@ -32,7 +32,7 @@ from ..animation.actions import scene_frames, write_with_plan
 from ..character.armature_reading import read_armature_rest
 from ..character.create_character import create_character, find_armature
 from ..character.rest_pose import release_pose
-from ..character.retarget_plans import find_map, plan_for, plan_with_map
+from ..character.retarget_plans import find_map, map_of, plan_for, plan_with_map
 from .export_animation import ENDINGS, Form, write_played
 from .stage import add_stage, floor_below, render, set_up_rendering, write_scene
 
@@ -84,7 +84,8 @@ def retarget_file(
         scene.render.fps_base = scene.render.fps / motion.fps
     if character is None:
         set_up_rendering(scene)
-        armature_object, bone_map = find_armature(create_character(bpy.context, motion.skeleton)), identity_bone_map()
+        armature_object = find_armature(create_character(bpy.context, motion.skeleton))
+        bone_map = map_of(armature_object)
     else:
         armature_object, bone_map = _humanoid(character, preset)
     plan, frames = _performed(armature_object, bone_map, motion, root_motion, is_new=character is None)

@@ -13,8 +13,9 @@ from ..capture.armature_driver import ArmatureDriver
 from ..capture.performer_targets import add_character
 from ..character.armature_reading import read_armature_rest
 from ..character.bone_map_settings import store_map
-from ..character.create_character import find_armature, joints_without_bone
+from ..character.create_character import find_armature, own_map
 from ..character.retarget_plans import PRESETS_FOLDER, find_map
+from ..character.selection import active_armatures
 from ..panels.character_panel import shown_armature
 from ..preferences.paths import absolute, user_folder
 from ..preferences.property_kinds import HIDDEN, string
@@ -41,23 +42,6 @@ class PERFANIM_OT_add_character(UndoOperator, bpy.types.Operator):
         add_character(context, performer_skeleton(settings(context)))
 
 
-def active_armatures(context: bpy.types.Context) -> list[bpy.types.Object]:
-    """Return the armature of the active object or its parents, or those of its children.
-
-    Importers leave a mesh or an empty of the character active.
-    """
-    active = context.object
-    if active is None:
-        return []
-    above = active
-    while above is not None:
-        found = above if above.type == "ARMATURE" else above.find_armature()
-        if found is not None:
-            return [found]
-        above = above.parent
-    return [obj for obj in active.children_recursive if obj.type == "ARMATURE"]
-
-
 class PERFANIM_OT_use_active_armature(UndoOperator, bpy.types.Operator):
     """Animate the active armature; its bones are mapped to joints automatically"""
 
@@ -73,7 +57,7 @@ class PERFANIM_OT_use_active_armature(UndoOperator, bpy.types.Operator):
 
     def run(self, context: bpy.types.Context) -> None:
         (armature_object,) = active_armatures(context)
-        if joints_without_bone(armature_object):
+        if own_map(armature_object) is None:
             find_map(armature_object, user_folder(PRESETS_FOLDER))  # raises for anything but humanoids
         settings(context).armature = armature_object
 

@@ -14,12 +14,12 @@ from ...core.solver.settings import METHODS
 from ...core.system.files import exists, is_folder
 from ...core.vision.sources.file_endings import IMAGE_SUFFIXES, VIDEO_ENDINGS
 from .. import take_library
+from ..character.selection import active_armatures
 from ..panels import takes_panel
 from ..preferences.paths import absolute
 from ..preferences.property_kinds import choice, draw_props, switch
 from ..settings import readiness
 from ..settings.capture_settings import settings
-from .character_operators import active_armatures
 from .database_operators import SolvingOperator
 from .job_operators import FilesOperator
 from .put_on_character import put_on_character
@@ -43,7 +43,7 @@ class PERFANIM_OT_import_takes(FilesOperator, SolvingOperator, bpy.types.Operato
     """Import other systems' marker files, or the films or pictures of all cameras of a take: choose them, or the folder
     that holds them, with the calibration if it is not beside them"""
 
-    bl_label = "Import"
+    bl_label = "Import Motion"  # beside Blender's own entry if films or pictures are dropped
     title = "Importing takes"
     panel = takes_panel.KEY
     filter_glob: bpy.props.StringProperty(default=";".join(f"*{ending}" for ending in _ENDINGS), options={"HIDDEN"})

@@ -1,17 +1,18 @@
 """Operators that put takes on the character."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import bpy
 
 from ...core.body.scene_pose import ScenePose
-from ...core.errors import TakeError, counted
+from ...core.errors import PerfanimError, TakeError, counted
 from ...core.formats.take_file.take_reader import TakeFile, read_take_file, take_name, unused_path
 from .. import take_library
 from ..capture import capture_request
 from ..capture.performer_targets import copy_targets, performer_targets
-from ..capture.write_take import RecordedPart, TakeMotion, doubts, filter_take, write_take
+from ..capture.write_take import RecordedPart, TakeMotion, doubts, filter_take, show_reference, write_take
 from ..panels.takes_panel import KEY as PANEL
 from ..preferences.property_kinds import HIDDEN, string
 from ..settings.capture_settings import settings
@@ -57,8 +58,23 @@ def put_on_character(context: bpy.types.Context, path: Path) -> tuple[str, tuple
     take_library.mark_played(path, name)
     text = f"{counted(len(poses), 'frame')} in {', '.join(actions)} on {name}{doubts(motion, [part])}"
     unsolved = take.frame_count - len(take.poses)
+    if context.scene.perfanim_result.pictures:
+        text += "; " + _reference(context, take, name, motion, part)
     text += f"; {counted(unsolved, 'more frame')} without a pose: use Solve Again" * (unsolved > 0)
     return text, tuple(actions)
+
+
+def _reference(
+    context: bpy.types.Context, take: TakeFile, character: str, motion: TakeMotion, part: RecordedPart
+) -> str:
+    """Show a take's reference pictures; return a sentence on where they are, or why there are none."""
+    if context.scene.perfanim_result.continue_here:
+        return "no reference pictures: the take was turned and moved to continue another one"
+    main = replace(motion.performers[0], armature=character)
+    try:
+        return f"pictures behind {', '.join(show_reference(context, take, main, part))}"
+    except PerfanimError as error:
+        return f"no reference pictures: {error}"
 
 
 class PERFANIM_OT_play_take(TakeOperator, PanelOperator, bpy.types.Operator):

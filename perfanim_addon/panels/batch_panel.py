@@ -26,6 +26,6 @@ class PERFANIM_PT_batch(SidebarPanel, bpy.types.Panel):
                 column.prop(chosen, "save_as")
         column.prop(chosen, "processes")
         layout.operator("perfanim.run_batch", icon="RENDER_ANIMATION")
-        panel_drawing.draw_job(layout, "batch")
+        panel_drawing.draw_job(context, layout, "batch")
         if running_capture() is None:
             panel_drawing.draw_text(context, layout, *activity.message("batch"))

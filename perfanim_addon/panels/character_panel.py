@@ -7,7 +7,7 @@ import bpy
 from ...core.body.standard_skeleton import joint_label
 from ...core.retarget.bone_map import EXPECTED, MatchState
 from ...core.retarget.bone_map_files import preset_paths
-from ..character.create_character import joints_without_bone
+from ..character.create_character import own_map
 from ..character.retarget_plans import PRESETS_FOLDER
 from ..preferences.paths import user_folder
 from ..preferences.property_kinds import draw_props, property_column
@@ -57,7 +57,7 @@ def shown_armature(context: bpy.types.Context) -> bpy.types.Object | None:
 
 
 def draw_bones(layout: bpy.types.UILayout, armature_object: bpy.types.Object | None, list_id: str = "") -> None:
-    """Draw the bone map of an armature; nothing for one with standard joint names."""
+    """Draw the bone map of an armature; no bones for a new character."""
     if armature_object is None:
         return
     layout = layout.column()
@@ -70,7 +70,7 @@ def draw_bones(layout: bpy.types.UILayout, armature_object: bpy.types.Object | N
         if entry.reason:
             column.label(text=entry.reason, icon="INFO")
         column.operator("perfanim.pick_bone", icon="EYEDROPPER").armature = armature_object.name
-    if kept.joints or joints_without_bone(armature_object):
+    if kept.joints or own_map(armature_object) is None:
         row = layout.row(align=True)
         row.operator("perfanim.find_bones", icon="VIEWZOOM").armature = armature_object.name
         row.menu(PERFANIM_MT_bone_maps.bl_idname, text="", icon="PRESET")

@@ -71,12 +71,14 @@ class PERFANIM_PT_guide(SidebarPanel, bpy.types.Panel):
             body_network.draw_buttons(layout)
         elif name:
             layout.operator(f"perfanim.{name}", icon="PLAY")
+        if name == "calibrate_performer":
+            layout.operator("perfanim.performer_screen", icon="WINDOW")
         if name == "calibrate_board" and chosen.source == "CAMERAS":
             layout.operator("perfanim.save_board", icon="FILE")
         passing = step.passing(chosen)
         if passing:
             layout.operator("perfanim.skip_step", text=passing, icon="FF")
-        draw_job(layout, step.panel)
+        draw_job(context, layout, step.panel)
         text, icon = activity.message(step.panel)
         if icon == "ERROR" or (name != "check_setup" and not is_faulty):  # a good check needs no message
             draw_text(context, layout, text, icon)

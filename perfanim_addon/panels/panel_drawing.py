@@ -47,17 +47,20 @@ def job_of(panel: str) -> Job | None:
 
 def draw_outcome(context: bpy.types.Context, layout: bpy.types.UILayout, panel: str) -> None:
     """Draw the job and the message of a panel."""
-    draw_job(layout, panel)
+    draw_job(context, layout, panel)
     draw_text(context, layout, *activity.message(panel))
 
 
-def draw_job(layout: bpy.types.UILayout, panel: str) -> None:
-    """Draw the progress of a panel's job, with Cancel and Finish Now."""
+def draw_job(context: bpy.types.Context, layout: bpy.types.UILayout, panel: str) -> None:
+    """Draw the progress of a panel's job, with Cancel and Finish Now; a long text stands whole below the bar."""
     job = job_of(panel)
     if job is not None:
+        is_long = len(job.text) > characters(context)
         row = layout.row(align=True)
-        draw_progress(row, job.fraction, job.text)
+        draw_progress(row, job.fraction, f"{job.fraction:.0%}" if is_long else job.text)
         row.operator("perfanim.cancel_job", text="", icon="X")
+        if is_long:
+            draw_text(context, layout, job.text, "BLANK1")
         if job.time_left:
             layout.label(text=job.time_left[:1].upper() + job.time_left[1:], icon="TIME")
         if job.finishable:

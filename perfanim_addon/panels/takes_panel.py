@@ -184,7 +184,7 @@ def draw_offer(panel: bpy.types.Panel, context: bpy.types.Context) -> None:
         button = panel.layout.operator(operator, text=f"Recover {cut[0].notes.name}", icon="FILE_REFRESH")
         button.path = str(cut[0].path)
     if captured or cut:
-        panel_drawing.draw_job(panel.layout, KEY)
+        panel_drawing.draw_job(context, panel.layout, KEY)
 
 
 def _list(context: bpy.types.Context) -> PERFANIM_PG_takes:

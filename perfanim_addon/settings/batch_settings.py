@@ -17,10 +17,11 @@ from . import readiness
 from .capture_settings import settings
 
 NAMINGS = (
-    ("cmu", "CMU", "The CMU Motion Capture Database, as on a new character"),
+    ("cmu", "CMU", "The CMU Motion Capture Database"),
     ("unreal", "Unreal", "The mannequin of Unreal Engine 5"),
     ("vrm", "VRM", "Humanoid bones of VRM 1.0"),
     ("mixamo", "Mixamo", "Characters of Mixamo"),
+    ("blender", "Blender", "As on a new character: with .L and .R, so that Blender can flip poses"),
 )
 
 

@@ -67,6 +67,12 @@ OVERLAYS = (
     ),
     ("SKELETON", "Skeleton", "The solved skeleton over the character: green for high confidence, red for low", 2),
     ("SPACE", "Space", "The part of the floor where all cameras see a performer from head to foot, and its size", 4),
+    (
+        "GHOST",
+        "Last Take",
+        "The last take's skeleton, in time with the recording; until then in its first pose",
+        8,
+    ),
 )
 
 BEHAVIOURS = (
@@ -286,7 +292,7 @@ class PERFANIM_PG_settings(bpy.types.PropertyGroup):
         "Overlay",
         "Drawn over the 3D viewports while live, with the solver's confidence. Shift-click for several",
         OVERLAYS,
-        default={"MARKERS"},
+        default={"MARKERS", "GHOST"},
         options={"ENUM_FLAG"},
     )
     record_by_button: switch(

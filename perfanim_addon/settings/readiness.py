@@ -8,6 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+import bpy
 import numpy as np
 
 from ...core.body.standard_skeleton import default_skeleton
@@ -21,6 +22,7 @@ from ...core.markers.prop import Prop, load_prop
 from ...core.markers.subject import Subject, load_subject
 from ...core.system.files import exists
 from ..character.retarget_plans import map_problem
+from ..character.selection import active_armatures
 from ..preferences import body_network
 from ..preferences.paths import absolute, user_folder
 from .camera_choice import NETWORK, NONE, address_problem
@@ -334,7 +336,8 @@ def character(settings: Any) -> StepStatus:
     """Return the status of the Character panel."""
     armature = settings.armature
     if armature is None:
-        return ready("new at start")
+        active = active_armatures(bpy.context)
+        return ready(f"use {active[0].name}?" if len(active) == 1 else "new at start")
     problem = map_problem(armature)
     return faulty("cannot be driven", f"{armature.name}: {problem}") if problem else ready(armature.name)
 

@@ -54,6 +54,10 @@ class PERFANIM_PG_result(bpy.types.PropertyGroup):
     whole_frames: switch(
         "Whole Frames", "Insert keyframes on the scene's frames; otherwise one for each recorded pose", default=True
     )
+    pictures: switch(
+        "Reference Pictures",
+        "Also add cameras where the real ones stood, with the take's films or pictures behind them, in time",
+    )
     filters: choice(
         "Filters",
         "Smoothing and foot lock of the keyframes",
@@ -125,6 +129,6 @@ def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     if chosen.continue_here:
         draw_props(column, chosen, "blend_frames")
     draw_props(column, chosen, "offset", "turn")
-    draw_props(column, chosen, "filters", "only_selected", "doubtful", "whole_frames", "reduce")
+    draw_props(column, chosen, "filters", "only_selected", "doubtful", "whole_frames", "pictures", "reduce")
     if chosen.reduce:
         draw_props(column, chosen, "reduce_deg", "reduce_mm")

@@ -19,6 +19,7 @@ from ...core.simulate.studio.studio_rig import default_rig
 from ...core.vision.common_space import CommonSpace, common_space
 from ..character.axes import points_to_blender
 from . import viewport_drawing
+from .ghost import Ghost
 from .name_layout import PlacedName, place_names
 from .viewport_drawing import STYLE
 
@@ -29,6 +30,7 @@ _RAY_PIECES: Array = np.linspace(0.0, 1.0, 17)[:, None]  # a ray is split, becau
 _RAY_COLOUR: Colour = (1.0, 0.67, 0.24, 0.8)  # as in the preview for blobs seen by only one camera
 _NAME_COLOUR: Colour = (1.0, 1.0, 1.0, 1.0)
 _LEADER_COLOUR: Colour = (1.0, 1.0, 1.0, 0.5)
+_GHOST_COLOUR: Colour = (0.75, 0.85, 1.0, 0.45)
 _SPACE_COLOUR: Colour = (0.31, 1.0, 0.31, 0.8)  # as in the pictures of Check Setup
 
 
@@ -40,6 +42,7 @@ class Scene:
     cameras_m: Array  # positions (C, 3) in the capture space
     placed: Callable[[Array], Array]  # transform of points (N, 3) from the capture space to the scene
     rig: CameraRig | None = None  # cameras, if their floor is known
+    ghost: Ghost | None = None  # of the last take
 
     @classmethod
     def of(
@@ -48,12 +51,13 @@ class Scene:
         calibration: CameraRig | None,
         placed: Callable[[Array], Array],
         simulated: bool = False,
+        ghost: Ghost | None = None,
     ) -> "Scene":
         """Return the overlay scene of a capture; without a calibration it has the simulated cameras."""
         rig = calibration or default_rig()
         cameras_m = np.array([camera.centre_m for camera in rig.cameras])
         bodies = tuple((subject.skeleton, _names(subject.marker_set)) for subject in performers)
-        return cls(bodies, cameras_m, placed, rig if simulated or "floor" in rig.metadata else None)
+        return cls(bodies, cameras_m, placed, rig if simulated or "floor" in rig.metadata else None, ghost)
 
     @cached_property
     def space(self) -> CommonSpace | None:
@@ -71,17 +75,18 @@ class _State:
     scene: Scene | None = None
     pose: ScenePose | None = None
     parts: frozenset[str] = frozenset()
+    elapsed_s: float = 0.0
 
 
 _state = _State()
 
 
-def show(scene: Scene | None, pose: ScenePose, parts: frozenset[str]) -> None:
-    """Show parts of a pose (see the setting "overlay") until `hide`."""
+def show(scene: Scene | None, pose: ScenePose, parts: frozenset[str], elapsed_s: float = 0.0) -> None:
+    """Show parts of a pose (see the setting "overlay") until `hide`; the ghost stands where it was at a time."""
     if scene is None or not parts:
         hide()
         return
-    _state.scene, _state.pose, _state.parts = scene, pose, parts
+    _state.scene, _state.pose, _state.parts, _state.elapsed_s = scene, pose, parts, elapsed_s
     handler.add()
 
 
@@ -95,7 +100,7 @@ def show_space(rig: CameraRig) -> None:
 def hide() -> None:
     """Remove the overlay. Safe to call at any time."""
     if handler.remove():
-        _state.scene = _state.pose = None
+        _state.scene, _state.pose, _state.elapsed_s = None, None, 0.0
         viewport_drawing.redraw("VIEW_3D")
 
 
@@ -109,7 +114,7 @@ def _draw() -> None:
     def on_screen(points_m: Array) -> Array:
         return projected(matrix, size, scene.placed(points_m))
 
-    shapes, names = shapes_of(scene, pose, _state.parts, on_screen, scale)
+    shapes, names = shapes_of(scene, pose, _state.parts, on_screen, scale, _state.elapsed_s)
     placed = _placed(shapes, names)
     shapes.draw()
     for name, place in placed:
@@ -142,15 +147,19 @@ def confidence_colour(confidence: float) -> Colour:
 
 
 def shapes_of(
-    scene: Scene, pose: ScenePose, parts: frozenset[str], on_screen: Projection, scale: float
+    scene: Scene, pose: ScenePose, parts: frozenset[str], on_screen: Projection, scale: float, elapsed_s: float = 0.0
 ) -> tuple["Shapes", list[tuple[str, Array]]]:
     """Return the shapes for a pose, and names with their points (2,).
 
     Args:
         on_screen: Projection of points (N, 3) in the capture space to pixels (N, 2); NaN if out of sight.
         scale: Size of an unscaled pixel in pixels.
+        elapsed_s: Time at which the last take's ghost is shown.
     """
     shapes, names = Shapes(scale), []
+    if "GHOST" in parts and scene.ghost is not None:
+        for skeleton, joints_m in scene.ghost.at(elapsed_s):
+            _add_bones(shapes, skeleton, on_screen(joints_m), [_GHOST_COLOUR] * len(skeleton))
     for (skeleton, labels), body in zip(scene.performers, pose.performers, strict=False):
         if "SKELETON" in parts:
             _add_skeleton(shapes, skeleton, body, on_screen)
@@ -177,6 +186,11 @@ def _add_skeleton(shapes: "Shapes", skeleton: Skeleton, pose: PerformerPose, on_
     for part, confidence in zip(PART_JOINTS.values(), pose.part_confidences.tolist(), strict=False):
         for joint in part:
             colours[joint] = confidence_colour(confidence)
+    _add_bones(shapes, skeleton, joints, colours)
+
+
+def _add_bones(shapes: "Shapes", skeleton: Skeleton, joints: Array, colours: Sequence[Colour]) -> None:
+    """Add the bones between joints (J, 2) on the screen."""
     for joint, parent in enumerate(skeleton.parents.tolist()):
         if parent >= 0:
             shapes.line(joints[parent], joints[joint], STYLE.bone, colours[joint])

@@ -6,6 +6,7 @@ import bpy
 from perfanim.core.body.motion import Motion, sliced
 from perfanim.core.body.standard_skeleton import default_skeleton
 from perfanim.core.formats.motion.read_motion import read_motion
+from perfanim.core.retarget.displayed_joint_names import NAMINGS
 from perfanim.core.system.assets import MOTION
 from perfanim.perfanim_addon.character.create_character import create_character
 
@@ -31,8 +32,9 @@ def save_hero(path: Path) -> None:
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     name = create_character(bpy.context, default_skeleton(), "Hero")
     for bone in bpy.data.objects[name].data.bones:
-        side = {"l": "Left", "r": "Right"}.get(bone.name[0], "") if bone.name[1:] in MIXAMO else ""
-        bone.name = "mixamorig:" + side + MIXAMO.get(bone.name if not side else bone.name[1:], bone.name)
+        joint = next(joint for joint, own in NAMINGS["blender"].items() if own == bone.name)
+        side = {"l": "Left", "r": "Right"}.get(joint[0], "") if joint[1:] in MIXAMO else ""
+        bone.name = "mixamorig:" + side + MIXAMO.get(joint if not side else joint[1:], joint)
     bpy.ops.wm.save_as_mainfile(filepath=str(path))
 
 

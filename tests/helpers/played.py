@@ -4,6 +4,7 @@ import bpy
 import numpy as np
 from perfanim.core.body.skeleton import Skeleton
 from perfanim.core.geometry import rotations as rot
+from perfanim.core.retarget.displayed_joint_names import NAMINGS
 
 _PRODUCT_FROM_BLENDER = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
 
@@ -40,7 +41,7 @@ def _pose_at(object_name: str, frame: float, skeleton: Skeleton) -> tuple[np.nda
     whole = int(np.floor(frame))
     bpy.context.scene.frame_set(whole, subframe=min(frame - whole, 0.999999))
     obj = bpy.data.objects[object_name].evaluated_get(bpy.context.evaluated_depsgraph_get())
-    bones = [obj.pose.bones[name] for name in skeleton.names]
+    bones = [obj.pose.bones[NAMINGS["blender"][name]] for name in skeleton.names]
     posed = np.array([bone.matrix.to_3x3() for bone in bones], dtype=np.float64)
     rest = np.array([bone.bone.matrix_local.to_3x3() for bone in bones], dtype=np.float64)
     turned = _PRODUCT_FROM_BLENDER @ posed @ np.swapaxes(rest, -1, -2) @ _PRODUCT_FROM_BLENDER.T

@@ -139,6 +139,17 @@ def order_map(order):
     return {entry.name: [entry.bone, entry.state] for entry in kept}
 
 
+def order_through(order):
+    """Look through a camera at a frame, as with Ctrl 0."""
+    bpy.context.scene.camera = bpy.data.objects[order["camera"]]
+    bpy.context.scene.frame_set(order["frame"])
+    for area in bpy.context.window_manager.windows[0].screen.areas:
+        if area.type == "VIEW_3D":
+            area.spaces.active.region_3d.view_perspective = "CAMERA"
+            area.tag_redraw()
+    return {}
+
+
 def order_look(order):
     """Turn the viewport to the chosen character as it is at a frame, and hide all others."""
     scene, obj = bpy.context.scene, armature()
@@ -237,6 +248,7 @@ ORDERS = {
     "joints": order_joints,
     "map": order_map,
     "look": order_look,
+    "through": order_through,
     "bare_armature": order_bare_armature,
     "remains": order_remains,
     "addon": order_addon,

@@ -8,7 +8,7 @@ from desktop import BlenderWindow, Desktop
 from pointing import Hand
 
 FRAMES = [1, 10, 20]
-BONES = ["root", "lhand", "rtoes"]
+BONES = ["hips", "hand.L", "toes.R"]
 
 
 @pytest.fixture

@@ -7,6 +7,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from ...api.recordings import FilmedTake, find_recordings
 from ...api.solving import SolveRequest, solve_markers, solve_unmeasured
 from ...api.take_reading import fit_take, labelled_by, read_labelled
@@ -18,11 +20,12 @@ from ...errors import FormatError, MarkerSetError, PerfanimError, SubjectError, 
 from ...formats.markers.marker_files import READABLE, is_recorded
 from ...formats.take_file.take_reader import ENDING, read_take_file, take_name, unused_path
 from ...formats.take_file.take_recovery import recover
+from ...geometry.camera import CameraRig
 from ...labelling.take_import import UPS
 from ...markers.label_faults import told
 from ...markers.label_matching import AUTO, load_names
 from ...markers.marker_set import MarkerSet, load_marker_set
-from ...markers.marker_take import MarkerTake
+from ...markers.marker_take import MarkerTake, SingleViews
 from ...markers.subject import Subject, load_subject
 from ...markers.take_frames import is_unnamed
 from ...system.progress import Progress
@@ -166,19 +169,30 @@ def _import_filmed(shared: _Import, filmed: FilmedTake, progress: Progress) -> d
         take = replace(read_labelled(file, shared.names), name=filmed.name)
     up = "y" if floor_of(filmed.rig) is not None else "feet"
     where = Path(filmed.sources[0]).parent
-    done = _import_take(shared, take, where, named or AUTO, up, lambda share, text: progress(0.5 + 0.5 * share, text))
+
+    def solving(share: float, text: str) -> None:
+        progress(0.5 + 0.5 * share, text)
+
+    done = _import_take(shared, take, where, named or AUTO, up, solving, filmed)
     told_before = [text for text in facts["warnings"] if text != GUESSED]
     return done | {"cameras": str(filmed.calibration), "warnings": [*told_before, *done["warnings"]]}
 
 
 def _import_take(
-    shared: _Import, take: MarkerTake, path: Path, named: str, up: str, progress: Progress
+    shared: _Import,
+    take: MarkerTake,
+    path: Path,
+    named: str,
+    up: str,
+    progress: Progress,
+    filmed: FilmedTake | None = None,
 ) -> dict[str, Any]:
     """Solve a take, store it and return facts about it.
 
     Args:
         path: File or source of the take, for messages.
         named: Name of the marker set, or "auto".
+        filmed: Films or pictures of the take.
     """
     args, subject, worn = shared.args, shared.subject, None
     if subject is None:
@@ -190,6 +204,10 @@ def _import_take(
     marker_set = subject.marker_set if subject is not None else worn
     assert marker_set is not None  # noqa: S101 - there is a set if there is no subject
     warnings = list(take.notes)
+    origin: dict[str, Any] = {"imported": str(path), "up": up}
+    if filmed is not None:
+        origin["tracked"] = list(filmed.sources)
+        take = _with_cameras(take, filmed.rig)
     take = fit_take(take, marker_set, up)
     lacking = [] if is_unnamed(take) else [name for name in marker_set.names if name not in take.names]
     warnings += [f"not in {path.name}: {', '.join(lacking)}"] if lacking else []
@@ -203,13 +221,21 @@ def _import_take(
         solved = solve_unmeasured(take, AUTO if named == AUTO else marker_set, shared.database, request, progress)
     warnings += [note for note in take.notes if note not in warnings]
     warnings += solved.clock.sentences if solved.clock is not None else []
-    solved.save(out, capture={"imported": str(path), "up": up})
+    solved.save(out, capture=origin)
     warnings += [f"{path.name}: {text}" for text in told(solved.corrected)]
     if not solved.verdict.is_good:
         warnings.append(f"{path.name}: {solved.verdict.text}")
     facts = solved.summary() | {"verdict": solved.verdict.text}
     matched = {"marker_set": marker_set.name, "markers": len(marker_set) - len(lacking)}
     return {"take": path.name, "warnings": warnings, "out": str(out)} | matched | facts
+
+
+def _with_cameras(take: MarkerTake, rig: CameraRig) -> MarkerTake:
+    """Return a take that knows its cameras, so that they are moved along with its markers."""
+    if take.single is not None or len(rig) == 1:
+        return take
+    shape = take.positions_m.shape[:2]
+    return replace(take, single=SingleViews(rig, np.full(shape, -1), np.full((*shape, 2), np.nan)))
 
 
 def _copy_recorded(path: Path, folder: Path) -> dict[str, Any]:

@@ -4,9 +4,10 @@ import bpy
 import numpy as np
 import pytest
 from perfanim.core.body.skeleton import forward_kinematics
-from perfanim.core.body.standard_skeleton import JOINT_NAMES, default_skeleton
+from perfanim.core.body.standard_skeleton import default_skeleton
 from perfanim.core.errors import CharacterError
 from perfanim.core.geometry import rotations as rot
+from perfanim.core.retarget.displayed_joint_names import NAMINGS
 from perfanim.perfanim_addon.animation import actions
 from perfanim.perfanim_addon.animation.action_placement import Placement
 from perfanim.perfanim_addon.animation.keyframes import KeyBounds
@@ -51,7 +52,7 @@ def test_playing_the_action_moves_the_bones(performer):
     for frame in (1, 4):
         bpy.context.scene.frame_set(frame)
         obj = bpy.data.objects[performer].evaluated_get(bpy.context.evaluated_depsgraph_get())
-        heads = points_from_blender([obj.pose.bones[name].head for name in JOINT_NAMES])
+        heads = points_from_blender([obj.pose.bones[name].head for name in NAMINGS["blender"].values()])
         expected, _ = forward_kinematics(SKELETON, rotations[frame - 1], roots[frame - 1])
         assert np.max(np.linalg.norm(heads - expected, axis=1)) < 1e-4
 
@@ -60,7 +61,7 @@ def test_quaternions_keep_to_one_hemisphere(performer):
     rotations, roots = smooth_motion(300)
     actions.write_action(performer, np.arange(300), rotations, roots, SKELETON)
     curves = curves_of(bpy.data.objects[performer])
-    path = 'pose.bones["root"].rotation_quaternion'
+    path = 'pose.bones["hips"].rotation_quaternion'
     keys = np.array([[key.co[1] for key in curve.keyframe_points] for curve in curves if curve.data_path == path]).T
     assert keys.shape == (300, 4)
     assert np.all(np.sum(keys[1:] * keys[:-1], axis=1) > 0.9)

@@ -6,6 +6,7 @@ import pytest
 from perfanim.core.body.standard_skeleton import default_skeleton
 from perfanim.core.errors import CharacterError
 from perfanim.core.geometry import rotations as rot
+from perfanim.core.retarget.displayed_joint_names import NAMINGS
 from perfanim.perfanim_addon.animation import actions
 from perfanim.perfanim_addon.animation.action_placement import Placement, PlacementMode
 from perfanim.perfanim_addon.animation.keyframes import KeyBounds
@@ -114,12 +115,12 @@ def test_a_layer_that_turns_once_around_blends_back_the_short_way(performer, bou
 
 def test_only_some_bones_are_moved(performer):
     first, second = swinging(40, 1), swinging(40, 2)
-    arm = ["lhumerus", "lradius"]
+    arm = ["upper_arm.L", "forearm.L"]
     write(performer, np.arange(1, 41), first, Placement(), "walk")
     name = write(performer, np.arange(1, 41), second, Placement(PlacementMode.STRIP, only=arm), "wave")
     found, roots = played_poses(performer, np.arange(2, 40), SKELETON)
     np.testing.assert_allclose(roots, first[1][1:-1], atol=1e-5)
-    for joint, bone in enumerate(SKELETON.names):
+    for joint, bone in enumerate(NAMINGS["blender"][name] for name in SKELETON.names):
         wanted = (second if bone in arm else first)[0][1:-1, joint]
         assert np.degrees(rot.angle_between(found[:, joint], wanted)).max() < FLOAT32_DEG, bone
     with pytest.raises(CharacterError, match="none of the selected bones"):

@@ -59,9 +59,8 @@ def test_the_second_take_begins_where_the_first_is(
     scene.frame_set(1)
     assert bpy.ops.perfanim.play_take(path=str(take(tmp_path, "a", first))) == {"FINISHED"}
     armature_object = scene.perfanim.armature
-    hips, feet = (
-        ("root", ["ltoes", "rtoes"]) if own else ("mixamorig:Hips", ["mixamorig:LeftToeBase", "mixamorig:RightToeBase"])
-    )
+    foreign = ("mixamorig:Hips", ["mixamorig:LeftToeBase", "mixamorig:RightToeBase"])
+    hips, feet = ("hips", ["toes.L", "toes.R"]) if own else foreign
     before = heads(armature_object, [hips, *feet], range(1, CUT + 1))
     scene.frame_set(CUT)
     scene.perfanim_result.continue_here, scene.perfanim_result.blend_frames = True, 45

@@ -15,7 +15,7 @@ from played import curves_of, key_times
 from solved_poses import performer_pose
 
 FRAMES = np.arange(1.0, 61.0)
-FINGERS = 'pose.bones["lfingers"].rotation_quaternion'
+FINGERS = 'pose.bones["fingers.L"].rotation_quaternion'
 
 
 @pytest.fixture
@@ -30,7 +30,7 @@ def walker(part: Any, chosen: Any) -> Any:
     return chosen.armature
 
 
-def bend_deg(armature_object: Any, frame: float, bone: str = "lfingers") -> float:
+def bend_deg(armature_object: Any, frame: float, bone: str = "fingers.L") -> float:
     bpy.context.scene.frame_set(int(frame))
     posed = armature_object.evaluated_get(bpy.context.evaluated_depsgraph_get())
     return float(np.degrees(posed.pose.bones[bone].matrix_basis.to_quaternion().angle))
@@ -57,16 +57,16 @@ def test_a_pose_is_held_from_the_playhead_on_until_the_next(part: Any, walker: A
     pose_hands(20, "FLAT")  # instead of the fist
     assert times(walker) == [15.0, 20.0, 35.0, 40.0]
     assert max(bend_deg(walker, frame) for frame in (20, 30, 40)) < 1.0
-    assert len(times(walker, 'pose.bones["lhand"].rotation_quaternion')) == 60
+    assert len(times(walker, 'pose.bones["hand.L"].rotation_quaternion')) == 60
     assert part("jobs.activity").message("hands")[0] == "Flat from frame 20 on, in Walk"
 
 
 def test_a_pose_at_the_first_frame_holds_for_the_whole_take_and_one_hand_alone(walker: Any) -> None:
-    before = bend_deg(walker, 30, "rfingers")
+    before = bend_deg(walker, 30, "fingers.R")
     pose_hands(1, "FIST", "LEFT")
     assert times(walker) == [1.0]
     assert (round(bend_deg(walker, 1)), round(bend_deg(walker, 60))) == (90, 90)
-    assert bend_deg(walker, 30, "rfingers") == pytest.approx(before, abs=1e-3)
+    assert bend_deg(walker, 30, "fingers.R") == pytest.approx(before, abs=1e-3)
 
 
 def test_cleaning_up_leaves_hand_poses(walker: Any) -> None:
@@ -86,9 +86,19 @@ def test_a_character_without_an_action_gets_one(part: Any, chosen: Any) -> None:
     assert bend_deg(chosen.armature, 1) > 45.0
 
 
-def test_hands_posed_live_are_shown_and_keyed(part: Any, chosen: Any, play: Any) -> None:
+def test_hands_posed_live_are_shown_and_keyed_on_all_characters(
+    chosen: Any, play: Any, targets: Any, new_character: Any
+) -> None:
     bpy.context.scene.render.fps = 60
     bpy.context.scene.frame_set(1)
+    chosen.armature, second, fingerless = (new_character(default_skeleton()) for _ in range(3))
+    bpy.ops.object.mode_set(mode="EDIT")  # the last one is active
+    for name in ("fingers.L", "fingers.R", "thumb.L", "thumb.R"):
+        fingerless.data.edit_bones.remove(fingerless.data.edit_bones[name])
+    bpy.ops.object.mode_set(mode="OBJECT")
+    for further in (fingerless, second):
+        entry = targets.entries.add()
+        entry.kind, entry.armature = "CHARACTER", further
     poses = [ScenePose((performer_pose(number),)) for number in range(40)]
     with closing(play(poses, Subject("Anna", default_skeleton(), load_marker_set("boxing")))) as capture:
         capture.tick(bpy.context)
@@ -97,7 +107,10 @@ def test_hands_posed_live_are_shown_and_keyed(part: Any, chosen: Any, play: Any)
             if number == 9:
                 capture.pose_hands("fist", "l")
             if number == 11:
-                assert round(np.degrees(chosen.armature.pose.bones["lfingers"].rotation_quaternion.angle)) == 90
+                for each in (chosen.armature, second):
+                    assert round(np.degrees(each.pose.bones["fingers.L"].rotation_quaternion.angle)) == 90
         capture.keep(bpy.context)
-    assert [round(bend_deg(chosen.armature, frame)) for frame in (1, 10, 25)] == [0, 90, 90]
-    assert bend_deg(chosen.armature, 25, "rfingers") == pytest.approx(0.0, abs=1e-3)
+    for each in (chosen.armature, second):
+        assert [round(bend_deg(each, frame)) for frame in (1, 10, 25)] == [0, 90, 90]
+        assert bend_deg(each, 25, "fingers.R") == pytest.approx(0.0, abs=1e-3)
+    assert fingerless.animation_data.action is not None

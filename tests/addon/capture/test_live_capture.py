@@ -14,6 +14,7 @@ from perfanim.core.formats.take_file.take_reader import read_take_file
 from perfanim.core.geometry.rig_file import save_rig
 from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.markers.subject import Subject, save_subject
+from perfanim.core.retarget.displayed_joint_names import NAMINGS
 from perfanim.core.session.pose_filters import FilterSettings, filter_poses
 from perfanim.core.simulate.studio.simulated_source import open_simulated
 from played import curves_of, key_times
@@ -29,14 +30,14 @@ def test_the_defaults_capture_a_new_character_into_one_action(part: Any, chosen:
         tick_poses(capture, 30)
         character = chosen.armature
         assert character.type == "ARMATURE"
-        bone = character.pose.bones["lfemur"]
+        bone = character.pose.bones["thigh.L"]
         assert not np.allclose(bone.rotation_quaternion, (1, 0, 0, 0))
         before = np.array(bone.rotation_quaternion)
         for frame in (40, 3, 90):  # the timeline is free to be played
             bpy.context.scene.frame_set(frame)
             np.testing.assert_array_equal(bone.rotation_quaternion, before)
         overlay = part("viewport.overlay")
-        assert overlay._state.parts == {"MARKERS"}
+        assert overlay._state.parts == {"MARKERS", "GHOST"}
         chosen.overlay = set()
         tick_until(capture, lambda: not overlay.handler.added)
         chosen.overlay = {"SKELETON"}
@@ -71,7 +72,7 @@ def check_drawn_over(character: Any, drawn: Any) -> None:
     (pose,), skeleton = drawn.pose.performers, drawn.scene.performers[0][0]
     places = drawn.scene.placed(forward_kinematics(skeleton, pose.rotations, pose.root_position_m)[0])
     bpy.context.view_layer.update()
-    heads = [character.matrix_world @ character.pose.bones[name].head for name in skeleton.names]
+    heads = [character.matrix_world @ character.pose.bones[NAMINGS["blender"][name]].head for name in skeleton.names]
     np.testing.assert_allclose(places, np.array(heads), atol=1e-4)
 
 
@@ -165,19 +166,21 @@ def test_one_arm_is_captured_while_the_rest_plays_its_own_animation(
     nod = swing(skeleton, ("head", "lradius", "rradius"), 100)
     still = np.tile([0.0, 1.0, 0.0], (100, 1))
     part("animation.actions").write_action(name, np.arange(1.0, 101.0), nod, still, skeleton, name="Nod")
-    alone = {frame: {bone: quaternion_at(armature, bone, frame) for bone in ("head", "rradius")} for frame in (31, 60)}
+    alone = {
+        frame: {bone: quaternion_at(armature, bone, frame) for bone in ("head", "forearm.R")} for frame in (31, 60)
+    }
     chosen.body_parts = {"ARM_L"}
     bpy.context.scene.frame_set(30)
     capture = play(*anna(skeleton, swing(skeleton, ("lradius", "lfemur", "head"), 200)[::2]))
     running.begin(bpy.context, capture, 1.0)
     tick(capture, 32)  # the first begins it
-    arm = np.array(armature.pose.bones["lradius"].rotation_quaternion)
+    arm = np.array(armature.pose.bones["forearm.L"].rotation_quaternion)
     assert abs(arm[1:]).max() > 0.1
     for frame, bones in alone.items():  # the timeline is played while live
         for bone, expected in bones.items():
             np.testing.assert_allclose(quaternion_at(armature, bone, frame), expected, atol=1e-6)
-        np.testing.assert_array_equal(armature.pose.bones["lradius"].rotation_quaternion, arm)
-    assert np.allclose(armature.pose.bones["lfemur"].rotation_quaternion, (1, 0, 0, 0))
+        np.testing.assert_array_equal(armature.pose.bones["forearm.L"].rotation_quaternion, arm)
+    assert np.allclose(armature.pose.bones["thigh.L"].rotation_quaternion, (1, 0, 0, 0))
     text = running.finish(bpy.context)  # which ticks once more
 
     assert text.startswith(f"{len(capture.run.poses)} frames recorded")
@@ -186,8 +189,8 @@ def test_one_arm_is_captured_while_the_rest_plays_its_own_animation(
     for frame, bones in alone.items():
         for bone, expected in bones.items():
             np.testing.assert_allclose(quaternion_at(armature, bone, frame), expected, atol=1e-6)
-    np.testing.assert_allclose(quaternion_at(armature, "lradius", 60), arm, atol=1e-6)  # the 31st pose, from frame 30
-    np.testing.assert_allclose(quaternion_at(armature, "lfemur", 60), (1, 0, 0, 0), atol=1e-6)
+    np.testing.assert_allclose(quaternion_at(armature, "forearm.L", 60), arm, atol=1e-6)  # the 31st pose, from frame 30
+    np.testing.assert_allclose(quaternion_at(armature, "thigh.L", 60), (1, 0, 0, 0), atol=1e-6)
 
 
 def test_parts_of_a_foreign_rig_take_the_bones_between(part: Any, skeleton: Any, armature: Any) -> None:
@@ -195,7 +198,7 @@ def test_parts_of_a_foreign_rig_take_the_bones_between(part: Any, skeleton: Any,
     product = plans.plan_for(armature, skeleton)
     assert parts.bones_of_parts(armature, product, parts.PARTS) is None
     by_part = {one: parts.bones_of_parts(armature, product, {one}) for one in parts.PARTS}
-    assert frozenset().union(*by_part.values()) == set(skeleton.names)
+    assert frozenset().union(*by_part.values()) == set(NAMINGS["blender"].values())
     assert sum(map(len, by_part.values())) == len(skeleton)  # each bone in one part
     bpy.context.view_layer.objects.active = armature
     for bone in armature.data.bones:
@@ -313,3 +316,39 @@ def test_image_folders_are_captured_to_their_end(
     assert refinement.seconds == sorted(refinement.seconds)
     assert 0.0 <= refinement.seconds[-1] <= capture.run.poses[-1].time_s - capture.run.poses[0].time_s
     assert capture.run.statistics.handed_over == count
+
+
+def test_the_last_take_is_drawn_in_time_with_the_next(part: Any, chosen: Any, play: Any, skeleton: Any) -> None:
+    ghost, overlay = part("viewport.ghost"), part("viewport.overlay")
+    rotations = swing(skeleton, ("lhumerus", "head"), 60)
+    poses, performer = anna(skeleton, rotations)
+    first = play(poses, performer)
+    tick(first, 31)
+    first.keep(bpy.context)
+    first.close()
+    last = ghost.last()
+    expected, _ = forward_kinematics(skeleton, rotations[:30], np.tile([0.0, 1.0, 0.0], (30, 1)))
+    for number in (0, 7, 29):
+        ((body, joints_m),) = last.at(number / 60.0 - 1e-6)
+        assert body.names == skeleton.names
+        np.testing.assert_allclose(joints_m, expected[number], atol=1e-5)
+    assert last.at(0.6) == []  # it is over
+    second = play(poses, performer)
+    drawn: list[float] = []
+    chosen.overlay = {"GHOST"}
+    scene = overlay.Scene.of([performer], None, lambda points_m: points_m, ghost=last)
+    chosen.record_by_button = True
+    tick(second, 1)
+    second._drawn = scene
+    tick(second, 10)
+    drawn.append(overlay._state.elapsed_s)  # rehearsing: in its first pose
+    second.record(chosen)
+    tick(second, 13)
+    drawn.append(overlay._state.elapsed_s)
+    assert drawn == [0.0, pytest.approx(11 / 60.0)]
+    shapes, _ = overlay.shapes_of(scene, poses[0], frozenset({"GHOST"}), lambda points_m: points_m[..., :2], 1.0, 0.1)
+    assert set(shapes.colours) == {overlay._GHOST_COLOUR}
+    overlay.hide()
+    second.close()
+    bpy.ops.wm.read_homefile(use_empty=True)
+    assert ghost.last() is None

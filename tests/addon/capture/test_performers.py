@@ -71,7 +71,7 @@ def duel(count: int) -> list[ScenePose]:
     return found
 
 
-def in_scene(armature: Any, bone: str = "root") -> tuple[np.ndarray, np.ndarray]:
+def in_scene(armature: Any, bone: str = "hips") -> tuple[np.ndarray, np.ndarray]:
     """Place (3,) and axes (3, 3), of length one, of a bone in the scene."""
     bpy.context.view_layer.update()
     obj = armature.evaluated_get(bpy.context.evaluated_depsgraph_get())
@@ -181,7 +181,7 @@ def test_a_character_that_is_chosen_is_carried_into_the_room(
     twin = new_character(SECOND, "Twin")
     twin.matrix_world = chosen.armature.matrix_world
     part("capture.armature_driver").ArmatureDriver("Twin", SECOND).apply(first.rotations, first.root_position_m)
-    for bone in ("root", "head", "lradius"):
+    for bone in ("hips", "head", "forearm.L"):
         np.testing.assert_allclose(in_scene(ben.armature, bone)[1], in_scene(twin, bone)[1], atol=1e-4)
 
 
@@ -255,14 +255,14 @@ def test_bones_of_another_armature_than_the_first_are_found_and_kept(
     first = chosen.armature = new_character(FIRST, "Anna")
     other = new_character(SECOND, "Other")
     for bone in other.data.bones:
-        bone.name = bone.name.replace("radius", "forearm")
+        bone.name = bone.name.replace("forearm", "lower_arm")
     ben.armature = other
     kept = other.perfanim_character
-    assert {entry.bone for entry in kept.joints if entry.name == "lradius"} == {"lforearm"}
+    assert {entry.bone for entry in kept.joints if entry.name == "lradius"} == {"lower_arm.L"}
     kept.joints["lradius"].bone = ""
     if bpy.context.window is not None:
         assert bpy.ops.perfanim.find_bones(armature="Other") == {"FINISHED"}
-        assert kept.joints["lradius"].bone == "lforearm"
+        assert kept.joints["lradius"].bone == "lower_arm.L"
     assert not first.perfanim_character.joints
     assert not part("character.retarget_plans").map_problem(first)
 

@@ -49,7 +49,7 @@ def state(character: Any) -> tuple[np.ndarray, np.ndarray]:
     """Rotation (4,) of the left arm, and place (3,) of the hips relative to the object."""
     bpy.context.view_layer.update()
     posed = character.evaluated_get(bpy.context.evaluated_depsgraph_get()).pose.bones
-    return np.array(posed["lhumerus"].matrix_basis.to_quaternion()), np.array(posed["root"].matrix.translation)
+    return np.array(posed["upper_arm.L"].matrix_basis.to_quaternion()), np.array(posed["hips"].matrix.translation)
 
 
 def check(pair: tuple[Any, Any], number: int) -> None:

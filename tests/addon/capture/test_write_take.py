@@ -13,6 +13,7 @@ from perfanim.core.database.build_database import BuildSettings, build_database
 from perfanim.core.formats.take_file.take_reader import read_take_file
 from perfanim.core.markers.prop import load_prop
 from perfanim.core.markers.subject import Subject
+from perfanim.core.retarget.displayed_joint_names import NAMINGS
 from perfanim.core.system.assets import MOTION
 from played import curves_of, key_times, played_poses, points_from_blender
 from solved_poses import write_poses
@@ -91,7 +92,7 @@ def test_put_on_character_writes_the_keys_of_the_capture(
     scene.perfanim_result.doubtful = "MARK"
     bpy.ops.perfanim.play_take(path=str(listed.path))
     for curve in curves_of(armature):
-        of_arm = curve.group.name in PARTS["left arm"]
+        of_arm = curve.group.name in [NAMINGS["blender"][joint] for joint in PARTS["left arm"]]
         types = ["JITTER" if of_arm and each[arm] > most else "KEYFRAME" for each in errors]
         assert [key.type for key in curve.keyframe_points] == types, curve.group.name
 

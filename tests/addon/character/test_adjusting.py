@@ -24,8 +24,8 @@ def test_an_adjustment_changes_the_keys_and_nothing_else(part: Any, chosen: Any,
     motion = clip("walking-01-neutral", 24)
     name = part("character.create_character").create_character(bpy.context, motion.skeleton) if own else hero.name
     character = bpy.data.objects[name]
-    feet = ["lfoot", "rfoot"] if own else ["mixamorig:LeftFoot", "mixamorig:RightFoot"]
-    hips = ["root"] if own else ["mixamorig:Hips"]
+    feet = ["foot.L", "foot.R"] if own else ["mixamorig:LeftFoot", "mixamorig:RightFoot"]
+    hips = ["hips"] if own else ["mixamorig:Hips"]
     frames = np.arange(1.0, 25.0)
     part("animation.actions").write_action(name, frames, motion.rotations, motion.root_positions_m, motion.skeleton)
     before, stood = heights(character, hips), heights(character, feet)

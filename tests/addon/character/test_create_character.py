@@ -8,12 +8,15 @@ from perfanim.core.body.skeleton import Skeleton, forward_kinematics
 from perfanim.core.body.standard_skeleton import JOINT_NAMES, default_skeleton, scaled
 from perfanim.core.errors import CharacterError
 from perfanim.core.geometry import rotations as rot
+from perfanim.core.retarget.displayed_joint_names import NAMINGS
 from perfanim.perfanim_addon.capture.armature_driver import ArmatureDriver
 from perfanim.perfanim_addon.character import axes, create_character
 from perfanim.perfanim_addon.character.body_mesh import fitted_body
+from perfanim.perfanim_addon.character.own_body import own_skeleton
 from played import points_from_blender
 
 SKELETON = default_skeleton()
+BONES = list(NAMINGS["blender"].values())
 
 
 @pytest.fixture(autouse=True)
@@ -64,7 +67,7 @@ def evaluated(object_name: str) -> bpy.types.Object:
 def posed_heads(object_name: str) -> np.ndarray:
     """Heads of the evaluated pose bones in the scene, product space, in the order of the joints."""
     obj = evaluated(object_name)
-    return points_from_blender([obj.matrix_world @ obj.pose.bones[name].head for name in JOINT_NAMES])
+    return points_from_blender([obj.matrix_world @ obj.pose.bones[name].head for name in BONES])
 
 
 def body_points(object_name: str) -> np.ndarray:
@@ -86,7 +89,7 @@ def test_bones_stand_where_forward_kinematics_puts_the_joints(skeleton):
     driver = ArmatureDriver(name, skeleton)
     for seed in range(5):
         tips = check_driven(driver, name, seed, skeleton)
-        tails = points_from_blender([evaluated(name).pose.bones[joint].tail for joint in JOINT_NAMES])
+        tails = points_from_blender([evaluated(name).pose.bones[joint].tail for joint in BONES])
         assert np.max(np.linalg.norm(tails - tips, axis=1)) < 1e-4
 
 
@@ -99,7 +102,38 @@ def test_a_second_character_gets_a_name_of_its_own_and_leaves_edit_mode():
     assert bpy.context.view_layer.objects.active.name == second
     assert bpy.data.objects[second].mode == "OBJECT"
     assert {bone.rotation_mode for bone in bpy.data.objects[second].pose.bones} == {"QUATERNION"}
-    assert create_character.joints_without_bone(bpy.data.objects[second]) == []
+    assert create_character.own_map(bpy.data.objects[second]) is not None
+
+
+def test_a_pose_is_pasted_flipped(name, driver):
+    assert {bpy.utils.flip_name(bone) for bone in BONES} == set(BONES)
+    rotations, _ = random_pose(4)
+    driver.apply(rotations, create_character.standing_root_m(SKELETON))
+    obj, mirror = bpy.data.objects[name], np.array([-1.0, 1.0, 1.0])
+    before = dict(zip(BONES, posed_heads(name), strict=True))
+    bpy.ops.object.mode_set(mode="POSE")
+    bpy.ops.pose.select_all(action="SELECT")
+    bpy.ops.pose.copy()
+    for bone in obj.pose.bones:
+        bone.matrix_basis.identity()
+    bpy.ops.pose.paste(flipped=True)
+    bpy.context.view_layer.update()
+    for bone, head in zip(BONES, posed_heads(name), strict=True):
+        np.testing.assert_allclose(head, mirror * before[bpy.utils.flip_name(bone)], atol=1e-4)
+
+
+def test_a_character_with_the_joint_names_of_early_versions_is_driven_alike(name):
+    rotations, root = random_pose(5)
+    ArmatureDriver(name, SKELETON).apply(rotations, root)
+    expected, obj = posed_heads(name), bpy.data.objects[name]
+    for joint, bone in NAMINGS["blender"].items():
+        obj.data.bones[bone].name = joint
+    ArmatureDriver(name, SKELETON).apply(*random_pose(6))
+    ArmatureDriver(name, SKELETON).apply(rotations, root)
+    bpy.context.view_layer.update()
+    heads = [obj.matrix_world @ obj.pose.bones[joint].head for joint in JOINT_NAMES]
+    np.testing.assert_allclose(points_from_blender(heads), expected, atol=1e-5)
+    assert own_skeleton(obj).names == JOINT_NAMES
 
 
 def test_bones_without_length_survive():
@@ -109,7 +143,7 @@ def test_bones_without_length_survive():
     name = create_character.create_character(
         bpy.context, Skeleton(SKELETON.names, SKELETON.parents, SKELETON.offsets_m, tips)
     )
-    assert create_character.joints_without_bone(bpy.data.objects[name]) == []
+    assert create_character.own_map(bpy.data.objects[name]) is not None
 
 
 def test_knees_and_elbows_bend_the_right_way(name, driver):
@@ -184,7 +218,7 @@ def test_euler_bones_are_switched_and_other_bones_left_alone(name):
     def add_prop(bones):
         prop = bones.new("sword")
         prop.head, prop.tail = (1.0, 0.0, 1.4), (1.0, 0.0, 2.2)
-        prop.parent = bones["lhand"]
+        prop.parent = bones["hand.L"]
 
     edit_bones(name, add_prop)
     bones = bpy.data.objects[name].pose.bones
@@ -198,22 +232,25 @@ def test_euler_bones_are_switched_and_other_bones_left_alone(name):
 
 
 def test_a_character_that_lacks_bones_follows_with_the_others(name):
-    edit_bones(name, lambda bones: [bones.remove(bones[joint]) for joint in ("lthumb", "rtoes")])
-    assert create_character.joints_without_bone(bpy.data.objects[name]) == ["rtoes", "lthumb"]
+    edit_bones(name, lambda bones: [bones.remove(bones[bone]) for bone in ("thumb.L", "toes.R")])
+    assert create_character.own_map(bpy.data.objects[name]) is None
     driver = ArmatureDriver(name, SKELETON)
     rotations, root = random_pose(10)
     driver.apply(rotations, root)
     expected, _ = forward_kinematics(SKELETON, rotations, root)
     joints = [SKELETON.index(joint) for joint in ("lhand", "rhand", "head", "lfemur", "rfemur")]
     bpy.context.view_layer.update()
-    heads = np.array([bpy.data.objects[name].pose.bones[SKELETON.names[joint]].head for joint in joints])
+    heads = np.array([bpy.data.objects[name].pose.bones[BONES[joint]].head for joint in joints])
     # how high its ball of the foot is above the floor is estimated from the length of the legs
     assert np.max(np.linalg.norm(heads - axes.points_to_blender(expected[joints]), axis=1)) < 2e-3
 
 
 def test_a_character_without_legs_is_refused(name, driver):
     legs = ("femur", "tibia", "foot", "toes")
-    edit_bones(name, lambda bones: [bones.remove(bones[joint]) for joint in JOINT_NAMES if joint[1:] in legs])
+    edit_bones(
+        name,
+        lambda bones: [bones.remove(bones[bone]) for joint, bone in NAMINGS["blender"].items() if joint[1:] in legs],
+    )
     with pytest.raises(CharacterError, match="neither names nor shape reveal lfemur, rfemur"):
         driver.apply(*random_pose(10))
 

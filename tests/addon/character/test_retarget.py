@@ -244,7 +244,7 @@ def test_a_character_with_the_products_names_and_other_legs_stands_where_the_per
     for rotations, root in zip(motion.rotations, motion.root_positions_m, strict=True):
         driver.apply(rotations, root)
         bpy.context.view_layer.update()
-        toes.append([np.array(bpy.data.objects[name].pose.bones[side + "toes"].head) for side in "lr"])
+        toes.append([np.array(bpy.data.objects[name].pose.bones["toes." + side].head) for side in "LR"])
     positions, _ = forward_kinematics(motion.skeleton, motion.rotations, motion.root_positions_m)
     own = positions[:, [motion.skeleton.index(side + "toes") for side in "lr"]]
     speeds = [

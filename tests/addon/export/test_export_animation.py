@@ -107,7 +107,7 @@ def test_joints_have_another_programs_names_and_are_where_they_were(performer, m
     frames = actions.scene_frames(np.arange(motion.frames) / motion.fps, scene)
     actions.write_action(performer, frames, motion.rotations, motion.root_positions_m, motion.skeleton)
     joint_names = list(names)
-    wanted = joints(obj, 1, count, joint_names)
+    wanted = joints(obj, 1, count, list(NAMINGS["blender"].values()))
     found = import_again(target, kind)
     assert {bone.name for bone in found.data.bones} == {*names.values(), f"{names['lfemur']}_"}
     there = joints(found, first_key(found), count, [names[joint] for joint in joint_names])
@@ -118,7 +118,7 @@ def test_joints_have_another_programs_names_and_are_where_they_were(performer, m
 def test_scene_and_armature_are_left_as_they_were(performer, motion, tmp_path):
     obj, scene = bpy.data.objects[performer], bpy.context.scene
     actions.write_action(performer, [1.0, 5.0], motion.rotations[:2], motion.root_positions_m[:2], motion.skeleton)
-    bone = obj.pose.bones["lhand"]
+    bone = obj.pose.bones["hand.L"]
     bone.rotation_mode, bone.rotation_euler = "XYZ", (0.1, 0.2, 0.3)
     constraint = bone.constraints.new("IK")
     scene.frame_start, scene.frame_end, scene.render.fps = 3, 77, 25

@@ -41,7 +41,7 @@ def run(name: str, **values: Any) -> None:
 
 def test_a_motion_that_is_read_and_written_stays_the_same(part: Any, walker: Any) -> None:
     module = part("animation.character_action")
-    before = {bone: places(walker, bone, (1, 30, 60)) for bone in ("root", "lhand", "rtoes", "head")}
+    before = {bone: places(walker, bone, (1, 30, 60)) for bone in ("hips", "hand.L", "toes.R", "head")}
     read = module.read_character_action(walker)
     module.write_character_action(read, read.motion, read.frames)
     for bone, wanted in before.items():
@@ -49,13 +49,13 @@ def test_a_motion_that_is_read_and_written_stays_the_same(part: Any, walker: Any
 
 
 def test_trim_and_shift_move_the_keys(walker: Any) -> None:
-    before = places(walker, "lhand", (20, 40))
+    before = places(walker, "hand.L", (20, 40))
     run("trim_motion", first=20, last=40)
     times = key_times(curves_of(walker))
     assert (times[0], times[-1], len(times)) == (20.0, 40.0, 21)
-    assert np.allclose(places(walker, "lhand", (20, 40)), before, atol=1e-5)
+    assert np.allclose(places(walker, "hand.L", (20, 40)), before, atol=1e-5)
     run("shift_motion", first=101)
-    assert np.allclose(places(walker, "lhand", (101, 121)), before, atol=1e-5)
+    assert np.allclose(places(walker, "hand.L", (101, 121)), before, atol=1e-5)
     with pytest.raises(RuntimeError, match="nothing of the motion would be left"):
         bpy.ops.perfanim.trim_motion("EXEC_DEFAULT", first=500, last=600)
 
@@ -72,28 +72,28 @@ def test_trim_proposes_the_end_of_the_t_pose(part: Any, walker: Any) -> None:
 
 
 def test_mirror_exchanges_left_and_right(walker: Any) -> None:
-    hips, left, right = (places(walker, bone, (1, 30)) for bone in ("root", "ltoes", "rtoes"))
+    hips, left, right = (places(walker, bone, (1, 30)) for bone in ("hips", "toes.L", "toes.R"))
     run("mirror_motion")
-    shown, mirrored = places(walker, "root", (1, 30)), places(walker, "rtoes", (1, 30))
+    shown, mirrored = places(walker, "hips", (1, 30)), places(walker, "toes.R", (1, 30))
     assert np.allclose(shown[0], hips[0], atol=1e-5)
     assert np.allclose(mirrored[..., 2], left[..., 2], atol=2e-3)
     assert not np.allclose(left[..., 2], right[..., 2], atol=1e-2)
 
 
 def test_a_pop_is_removed_and_the_rest_is_left_alone(walker: Any) -> None:
-    before = places(walker, "lhand", FRAMES)
+    before = places(walker, "hand.L", FRAMES)
     (curve,) = [
         c
         for c in curves_of(walker)
-        if c.data_path == 'pose.bones["lhumerus"].rotation_quaternion' and c.array_index == 1
+        if c.data_path == 'pose.bones["upper_arm.L"].rotation_quaternion' and c.array_index == 1
     ]
     for row in (29, 30):
         curve.keyframe_points[row].co[1] += 0.5
     curve.update()
-    popped = places(walker, "lhand", FRAMES)
+    popped = places(walker, "hand.L", FRAMES)
     assert np.abs(popped - before).max() > 0.1
     run("remove_pop", first=29, last=32)
-    after = places(walker, "lhand", FRAMES)
+    after = places(walker, "hand.L", FRAMES)
     assert np.abs(after - before).max() < 0.02
     assert np.allclose(np.delete(after, range(27, 33), 0), np.delete(before, range(27, 33), 0), atol=1e-4)
 
@@ -101,13 +101,13 @@ def test_a_pop_is_removed_and_the_rest_is_left_alone(walker: Any) -> None:
 def test_smoothing_takes_the_jitter_from_a_range(walker: Any) -> None:
     random = np.random.default_rng(1)
     for curve in curves_of(walker):
-        if "lhumerus" in curve.data_path:
+        if "upper_arm.L" in curve.data_path:
             for key in curve.keyframe_points:
                 key.co[1] += random.normal(0.0, 0.01)
             curve.update()
-    rough = places(walker, "lhand", FRAMES)
+    rough = places(walker, "hand.L", FRAMES)
     run("smooth_motion", first=20, last=50, smoothing_ms=50.0)
-    calm = places(walker, "lhand", FRAMES)
+    calm = places(walker, "hand.L", FRAMES)
     inside, outside = slice(24, 44), slice(0, 12)
     jitter = [np.linalg.norm(np.diff(each[inside], 3, axis=0), axis=1).mean() for each in (rough, calm)]
     assert jitter[1] < 0.3 * jitter[0]
@@ -123,7 +123,7 @@ def test_a_walk_is_repeated_without_a_pop(part: Any, chosen: Any, walker: Any) -
     times = key_times(curves_of(walker))
     length = (len(times) - 1) // 3
     assert times[0] == 1.0 and 60 * 0.6 <= length <= 60 * 3.0
-    hands = places(walker, "lhand", times)
+    hands = places(walker, "hand.L", times)
     steps = np.linalg.norm(np.diff(hands, 2, axis=0), axis=1)
     original = forward_kinematics(motion.skeleton, motion.rotations, motion.root_positions_m)[0]
     own = np.linalg.norm(np.diff(original[:, motion.skeleton.index("lhand")], 2, axis=0), axis=1)
@@ -132,12 +132,12 @@ def test_a_walk_is_repeated_without_a_pop(part: Any, chosen: Any, walker: Any) -
 
 def test_feet_are_held(walker: Any) -> None:
     for curve in curves_of(walker):
-        if curve.data_path == 'pose.bones["root"].location' and curve.array_index == 0:
+        if curve.data_path == 'pose.bones["hips"].location' and curve.array_index == 0:
             for key in curve.keyframe_points:
                 key.co[1] += 0.0005 * key.co[0]  # glides 3 cm a second
             curve.update()
     run("hold_feet", floor=False)
-    toes = places(walker, "ltoes", FRAMES)
+    toes = places(walker, "toes.L", FRAMES)
     speed = np.linalg.norm(np.diff(toes[:, :2], axis=0), axis=1)
     low = toes[1:, 2] < toes[:, 2].min() + 0.005
     assert np.percentile(speed[low], 50) < 1e-4
@@ -148,17 +148,17 @@ def test_keys_of_ones_own_in_euler_angles_are_mirrored(walker: Any) -> None:
     walker.animation_data_clear()
     for bone in walker.pose.bones:
         bone.rotation_mode = "XYZ"
-    arm = walker.pose.bones["lhumerus"]
+    arm = walker.pose.bones["upper_arm.L"]
     for frame, angle in ((1, 0.0), (20, 0.8)):
         arm.rotation_euler = (angle, 0.0, 0.0)
         arm.keyframe_insert("rotation_euler", frame=frame)
     for bone in walker.pose.bones:
         bone.keyframe_insert("rotation_euler", frame=1)
-    walker.pose.bones["root"].keyframe_insert("location", frame=1)
-    hands = [places(walker, bone, (20,))[0] for bone in ("lhand", "rhand")]
+    walker.pose.bones["hips"].keyframe_insert("location", frame=1)
+    hands = [places(walker, bone, (20,))[0] for bone in ("hand.L", "hand.R")]
     run("mirror_motion")
-    mirrored = [places(walker, bone, (20,))[0] for bone in ("lhand", "rhand")]
-    root = places(walker, "root", (20,))[0]
+    mirrored = [places(walker, bone, (20,))[0] for bone in ("hand.L", "hand.R")]
+    root = places(walker, "hips", (20,))[0]
     for before, after in zip(hands, reversed(mirrored), strict=True):
         assert np.allclose((after - root)[1:], (before - root)[1:], atol=2e-3)
         assert np.isclose((after - root)[0], -(before - root)[0], atol=2e-3)

@@ -76,7 +76,7 @@ def test_marker_takes_are_imported_into_the_list_and_played(
     np.testing.assert_allclose(key_times(curves_of(armature)), np.arange(7, 27), atol=1e-3)
     assert panel.origin_of(listed_takes()[0].summary).endswith(f"on {armature.name}")
     bpy.context.scene.frame_set(15)  # half way through the walk the body stands upright there
-    hips = armature.matrix_world @ armature.pose.bones["root"].head
+    hips = armature.matrix_world @ armature.pose.bones["hips"].head
     wanted = points_to_blender(walk.motion.root_positions_m[8])
     assert np.linalg.norm(np.array(hips - armature.location) - wanted) < 0.05
 
@@ -202,7 +202,7 @@ def test_a_take_goes_where_is_chosen(part: Any, walk: SimpleNamespace) -> None:
     assert key_times(curves)[[0, -1]].tolist() == pytest.approx([1.0, 20.0])
     assert sum(len(curve.keyframe_points) for curve in curves) < 0.7 * 20 * len(curves)
     result.start, result.reduce, result.onto, result.only_selected = "PLAYHEAD", False, "LAYER", True
-    select_bones(armature, {"lhumerus"})
+    select_bones(armature, {"upper_arm.L"})
     bpy.ops.perfanim.play_take(path=str(path))
     tracks = armature.animation_data.nla_tracks
     assert [track.name for track in tracks] == ["walk", "walk.001"]
@@ -210,7 +210,7 @@ def test_a_take_goes_where_is_chosen(part: Any, walk: SimpleNamespace) -> None:
     armature.animation_data.action = bpy.data.actions["walk.001"]
     if hasattr(armature.animation_data, "action_slot"):
         armature.animation_data.action_slot = bpy.data.actions["walk.001"].slots[0]
-    assert {curve.group.name for curve in curves_of(armature)} == {"lhumerus"}
+    assert {curve.group.name for curve in curves_of(armature)} == {"upper_arm.L"}
 
 
 def test_a_take_is_exported(part: Any, walk: SimpleNamespace, tmp_path: Path, chosen: Any, message: Any) -> None:

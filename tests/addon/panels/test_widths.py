@@ -100,6 +100,22 @@ def test_a_running_capture(part: Any, panels: list[type]) -> None:
     assert texts == []
 
 
+def test_what_a_job_asks_for_stands_whole(part: Any, monkeypatch: Any) -> None:
+    jobs, drawing = part("jobs.job"), part("panels.panel_drawing")
+    words = "1: arms straight down, palms to the thighs, hands half forward"
+    for text, is_whole in ((words, False), ("hold still", True)):
+        job = jobs.Job("Calibrating", "subject", jobs.command(()), None, first=SimpleNamespace())
+        job.text, job.fraction = text, 0.25
+        monkeypatch.setattr(drawing.activity, "current", lambda running=job: running)
+        layout = Layout("column")
+        drawing.draw_job(Context(), layout, "subject")
+        row, *below = layout.children
+        assert row.children[0].facts["text"] == (text if is_whole else "25%")
+        lines = [line.facts["text"] for column in below for line in column.children]
+        assert " ".join(lines) == ("" if is_whole else text)
+        assert list(layout.problems(CONTENT_PX)) == []
+
+
 def test_a_text_that_is_too_long_is_found(panels: list[type]) -> None:
     def draw(drawn: Any, _context: Any) -> None:
         drawn.layout.label(text="m" * 60)

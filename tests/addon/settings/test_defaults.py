@@ -66,6 +66,6 @@ def test_the_simulated_studio_has_60_images_a_second(part: Any, chosen: Any) -> 
 
 
 def test_a_newcomer_sees_the_markers_and_keeps_the_feet(chosen: Any) -> None:
-    assert chosen.overlay == {"MARKERS"}
+    assert chosen.overlay == {"MARKERS", "GHOST"}
     assert chosen.feet == "auto"
     assert chosen.record_length_s == chosen.smoothing_ms == 0.0

@@ -29,6 +29,16 @@ def test_the_defaults_are_ready(states: Any, chosen: Any) -> None:
     assert [step(chosen).ready for step in states.STEPS] == [True] * 5
 
 
+def test_a_character_that_is_active_is_offered(states: Any, chosen: Any, new_character: Any) -> None:
+    assert states.character(chosen).text == "new at start"
+    hero = new_character(default_skeleton(), "Hero")
+    assert states.character(chosen).text == "use Hero?"
+    bpy.context.view_layer.objects.active = hero.children[0]  # as importers leave it
+    assert states.character(chosen).text == "use Hero?"
+    chosen.armature = hero
+    assert states.character(chosen).text == "Hero"
+
+
 def test_files_that_are_missing_or_bad_are_named(states: Any, chosen: Any, tmp_path: Path) -> None:
     chosen.source = "VIDEOS"
     assert "left camera" in states.first_missing_step(chosen)

@@ -14,6 +14,7 @@ from perfanim.core.formats.motion.bvh import write_bvh
 from perfanim.core.formats.take_file.take_reader import read_take_file
 from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.markers.subject import Subject, save_subject
+from perfanim.core.retarget.displayed_joint_names import NAMINGS
 from perfanim.core.simulate.simulated_markers import simulate_markers
 from trackers_sent import Program, free_port, tracker_packet
 
@@ -80,7 +81,10 @@ def test_trackers_move_the_character_and_a_sender_that_pauses_is_told(part: Any,
             armature = chosen.armature
             (pose,) = capture.run.poses[-1].performers
             bpy.context.view_layer.update()
-            shown = {name: np.array(armature.pose.bones[name].head) for name in ("root", "lfoot", "rhand")}
+            shown = {
+                name: np.array(armature.pose.bones[NAMINGS["blender"][name]].head)
+                for name in ("root", "lfoot", "rhand")
+            }
             capture.stop()
             go_on(lambda: capture.done)
             text = capture.keep(bpy.context)

@@ -23,7 +23,7 @@ def rough(part: Any, keyed: bpy.types.Object, walk: Motion) -> bpy.types.Object:
     poses = walk.rotations[at], walk.root_positions_m[at], walk.skeleton
     part("animation.actions").write_action(keyed.name, FRAMES, *poses, name="Rough")
     bpy.context.scene.frame_set(31)
-    keyed.pose.bones["lradius"].keyframe_insert("rotation_quaternion", frame=31)  # of one limb alone
+    keyed.pose.bones["forearm.L"].keyframe_insert("rotation_quaternion", frame=31)  # of one limb alone
     keyed.perfanim_sketch.parts = {"HANDS", "FEET", "HIPS"}
     return keyed
 
@@ -53,7 +53,7 @@ def test_keys_of_bones_bind(part: Any, rough: bpy.types.Object) -> None:
 
 
 def test_keys_of_bones_are_known_without_a_change_of_frame(part: Any, rough: bpy.types.Object) -> None:
-    arm, leg = (rough.pose.bones[name] for name in ("lhumerus", "rfemur"))
+    arm, leg = (rough.pose.bones[name] for name in ("upper_arm.L", "thigh.R"))
     arm.rotation_mode, leg.rotation_mode = "XZY", "AXIS_ANGLE"
     for frame, angle in zip(FRAMES, (0.1, 0.7, -0.3), strict=True):
         arm.rotation_euler, leg.rotation_axis_angle = (angle, 0.5, 1.0), (angle, 0.5, 1.0, 0.2)
@@ -78,7 +78,7 @@ def test_live_follows_a_bone_that_is_posed_and_keyed(part: Any, rough: bpy.types
     solve(part)
     with played_live(part) as live:
         play(part)
-        bone = rig.pose.bones["lhumerus"]
+        bone = rig.pose.bones["upper_arm.L"]
         bone.rotation_quaternion @= Euler((0.0, 0.0, 0.1)).to_quaternion()
         bpy.context.view_layer.update()
         assert live.current().noted
@@ -104,7 +104,7 @@ def test_live_follows_a_bone_that_is_posed_and_keyed(part: Any, rough: bpy.types
 
 def test_a_bone_below_a_constraint_is_known_only_where_it_is_shown(part: Any, rough: bpy.types.Object) -> None:
     rig = follow(part, rough)
-    rig.pose.bones["lradius"].constraints.new("LIMIT_ROTATION")
+    rig.pose.bones["forearm.L"].constraints.new("LIMIT_ROTATION")
     space = part("sketch.write_solution").SketchBody.of(rough).space
     reader = part("sketch.read_controls").read_controls
     seen = {each.joint: each for each in reader(bpy.context, rough, space).controls}

@@ -17,7 +17,7 @@ def test_controls_stand_at_the_present_pose(part: Any, keyed: bpy.types.Object) 
     controls = part("sketch.controls")
     for control in controls.controls_of(keyed).values():
         bpy.data.objects.remove(control)
-    keyed.pose.bones["lhumerus"].rotation_quaternion = (0.8, 0.0, 0.6, 0.0)
+    keyed.pose.bones["upper_arm.L"].rotation_quaternion = (0.8, 0.0, 0.6, 0.0)
     keyed.perfanim_sketch.parts = {"HANDS", "CHEST"}
     assert bpy.ops.perfanim.add_controls() == {"FINISHED"}
     found = controls.controls_of(keyed)
@@ -126,8 +126,8 @@ def test_only_some_body_parts_get_keys(part: Any, keyed: bpy.types.Object) -> No
     bpy.context.scene.perfanim.body_parts = {"ARM_L"}
     solve(part)
     groups = {curve.data_path.split('"')[1] for curve in curves_of(keyed)}
-    assert {"lhumerus", "lhand"} <= groups
-    assert not {"rhumerus", "ltibia", "root"} & groups
+    assert {"upper_arm.L", "hand.L"} <= groups
+    assert not {"upper_arm.R", "shin.L", "hips"} & groups
 
 
 def test_a_saved_sketch_is_taken_up_again(part: Any, keyed: bpy.types.Object, walk: Motion, tmp_path: Path) -> None:
@@ -151,7 +151,7 @@ def test_a_saved_sketch_is_taken_up_again(part: Any, keyed: bpy.types.Object, wa
 def test_a_rough_animation_becomes_keys_of_controls(part: Any, keyed: bpy.types.Object) -> None:
     for control in part("sketch.controls").controls_of(keyed).values():
         bpy.data.objects.remove(control)
-    bone = keyed.pose.bones["lhumerus"]
+    bone = keyed.pose.bones["upper_arm.L"]
     for frame, turn in ((1, 0.0), (20, 0.9), (31, 0.2)):
         bone.rotation_quaternion = (np.cos(turn / 2), 0.0, 0.0, np.sin(turn / 2))
         bone.keyframe_insert("rotation_quaternion", frame=frame)
@@ -163,7 +163,7 @@ def test_a_rough_animation_becomes_keys_of_controls(part: Any, keyed: bpy.types.
 
 
 def test_a_rough_animation_is_read_again_after_it_is_solved(part: Any, keyed: bpy.types.Object) -> None:
-    controls, bone = part("sketch.controls"), keyed.pose.bones["lhumerus"]
+    controls, bone = part("sketch.controls"), keyed.pose.bones["upper_arm.L"]
     for frame in (1, 31):
         bone.keyframe_insert("rotation_quaternion", frame=frame)
     rough = keyed.animation_data.action
@@ -194,7 +194,7 @@ def test_sides_have_colours_of_their_own(part: Any) -> None:
 
 @pytest.mark.parametrize("onto", ["STRIP", "LAYER"])
 def test_a_sketch_goes_above_other_animation(part: Any, keyed: bpy.types.Object, walk: Motion, onto: str) -> None:
-    keyed.pose.bones["lhumerus"].keyframe_insert("rotation_quaternion", frame=1)
+    keyed.pose.bones["upper_arm.L"].keyframe_insert("rotation_quaternion", frame=1)
     own = keyed.animation_data.action
     bpy.context.scene.perfanim_result.onto = onto
     assert "all keys are met" in solve(part)

@@ -60,5 +60,5 @@ def test_a_body_of_that_program_with_all_the_names_is_not_taken_for_the_products
 
 
 def test_an_unknown_naming_is_told():
-    with pytest.raises(SettingsError, match="choose one of cmu, unreal, vrm, mixamo"):
+    with pytest.raises(SettingsError, match="choose one of cmu, blender, unreal, vrm, mixamo"):
         naming_of("maya")

@@ -10,7 +10,7 @@ from perfanim.core.body.standard_skeleton import default_skeleton
 from perfanim.core.errors import CharacterError
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.retarget.armature_rest import ArmatureRest
-from perfanim.core.retarget.bone_map import identity_bone_map
+from perfanim.core.retarget.bone_map import own_bone_map
 from perfanim.core.retarget.retargeter import RetargetPlan, apply_plan, plan_retarget
 
 SKELETON = default_skeleton()
@@ -25,7 +25,7 @@ def random_rest(seed: int, *, scale: float = 1.0, turn: np.ndarray = Z_UP) -> Ar
 
 
 def plan(rest: ArmatureRest) -> RetargetPlan:
-    return plan_retarget(SKELETON, rest, identity_bone_map(), same_body=True)
+    return plan_retarget(SKELETON, rest, own_bone_map(rest.names), same_body=True)
 
 
 def random_rotations(seed: int, *shape: int) -> np.ndarray:

@@ -12,6 +12,7 @@ from perfanim.core.cli.main import main
 from perfanim.core.formats.markers.marker_files import read_take, write_take
 from perfanim.core.formats.motion.read_motion import read_motion
 from perfanim.core.formats.take_file.take_reader import read_take_file
+from perfanim.core.geometry.rig_file import load_rig
 from perfanim.core.labelling.take_import import import_take
 from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.markers.marker_take import MarkerTake
@@ -226,3 +227,7 @@ def test_two_films_become_a_take(tmp_path, capsys):
     )
     frames = min(len(solved), len(true))
     assert np.median(np.linalg.norm(solved[:frames] - true[:frames], axis=-1)) < 0.08  # the body is fitted, too
+    assert sorted(take.setup.capture["tracked"]) == sorted(map(str, studio.glob("*.mkv")))  # for reference pictures
+    rigs = take.setup.camera_rig(), load_rig(row["cameras"])
+    centres = [[camera.centre_m for camera in rig.cameras] for rig in rigs]
+    assert np.linalg.norm(np.subtract(*centres), axis=1).max() < 0.08
