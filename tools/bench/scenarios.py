@@ -148,7 +148,7 @@ KEYPOINT_TAKES = (
     (Take("hop on one foot (49_02)", "49_02", 0.3, 0.5), "opencap"),
     (Take("climb steps (14_21)", "14_21", 0.2, 0.6), "halpe-26"),
 )
-# people without markers, whom the databases for these takes lack; no setting of theirs was chosen on these
+# people without markers, whom the databases for these takes lack; settings of keypoints were chosen on 14_02, too
 PEOPLE_TAKES = (
     WALKING,
     Take("walk with a turn (16_29)", "16_29"),
