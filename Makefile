@@ -24,7 +24,7 @@ export OPENBLAS_NUM_THREADS ?= 1
 unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test long-test check bpy-test window-test extras-test docs pictures extension release coverage mutation \
+.PHONY: help demo test long-test check bpy-test window-test extras-test kernel kernel-test docs pictures extension release coverage mutation \
 	bench-priors train-prior soak fuzz operator-fuzz clean
 
 help: ## list the targets
@@ -33,7 +33,7 @@ help: ## list the targets
 demo: $(STAMP) ## the main job with a simulated performer, results in out/demo
 	$(BIN)/perfanim demo --out out/demo
 
-TESTS := tests --ignore tests/window --ignore tests/gplvm --ignore tests/prior --ignore tests/fuzz_guided \
+TESTS := tests --ignore tests/kernel --ignore tests/window --ignore tests/gplvm --ignore tests/prior --ignore tests/fuzz_guided \
 	--ignore tests/soak/test_tracker_floods.py -n auto --dist loadfile --no-loadscope-reorder
 
 test: $(STAMP) ## all tests that need no window, but the long ones
@@ -67,6 +67,17 @@ extras-test: .venv-gplvm/.installed .venv-prior/.installed .venv-fuzz/.installed
 	.venv-gplvm/bin/python -m pytest tests/gplvm
 	.venv-prior/bin/python -m pytest tests/prior
 	.venv-fuzz/bin/python -m pytest tests/fuzz_guided
+
+KERNEL := PERFANIM_KERNEL=$(CURDIR)/out/kernel
+kernel: .venv-kernel/.installed ## the compiled kernel for all platforms, or PLATFORM=linux-x64|linux-arm64|windows-x64|...
+	.venv-kernel/bin/python tools/build_kernel.py $(if $(PLATFORM),--platform $(PLATFORM))
+
+# Zig has no address sanitizer, so the second library is built by the system's C compiler.
+kernel-test: $(STAMP) .venv-kernel/.installed ## kernel and NumPy give the same, also under sanitizers (Linux, x86-64)
+	.venv-kernel/bin/python tools/build_kernel.py --platform linux-x64 --out out/kernel
+	$(KERNEL) $(BIN)/python -m pytest tests/kernel
+	.venv-kernel/bin/python tools/build_kernel.py --platform linux-x64 --out out/kernel --sanitize
+	$(KERNEL) LD_PRELOAD=$$(cc -print-file-name=libasan.so) ASAN_OPTIONS=detect_leaks=0 $(BIN)/python -m pytest tests/kernel
 
 docs: $(STAMP) .venv-docs/.installed ## the manual in out/docs; a warning or a wrong command is an error
 	$(BIN)/python tools/make_drawings.py
@@ -152,6 +163,11 @@ $(STAMP): pyproject.toml
 .venv-quality/.installed: pyproject.toml
 	$(PYTHON) -m venv .venv-quality
 	.venv-quality/bin/$(PIP_INSTALL) --editable '.[dev,quality]' 'bpy>=4.2'
+	touch $@
+
+.venv-kernel/.installed: pyproject.toml
+	$(PYTHON) -m venv .venv-kernel
+	.venv-kernel/bin/$(PIP_INSTALL) 'ziglang>=0.17,<0.18'
 	touch $@
 
 .venv-bpy-%/.installed: pyproject.toml tools/wheels.txt

@@ -23,6 +23,8 @@ from manual_pages import manual_files
 
 ROOT = Path(__file__).resolve().parents[1]
 
+KERNELS = ROOT / "core" / "kernel" / "libraries"
+
 REQUIREMENTS = tuple(
     line for line in (ROOT / "tools" / "wheels.txt").read_text(encoding="utf-8").split("\n") if "==" in line
 )
@@ -112,6 +114,8 @@ def build(python: str, platform: str, wheels: list[Path], out: Path, system_pyth
         with zipfile.ZipFile(temporary, "w", zipfile.ZIP_DEFLATED) as archive:
             archive.writestr("blender_manifest.toml", manifest_text(text, versions, platform, wheels))
             for path in content(manifest["build"]["paths_exclude_pattern"]):
+                if path.parent == KERNELS and platform not in path.name:
+                    continue  # the kernel of another platform
                 archive.write(path, path.relative_to(ROOT).as_posix())
             for name, data in manual_files():
                 archive.writestr(f"manual/{name}", data)

@@ -238,7 +238,7 @@ def marker_jacobian(skeleton: Skeleton, joints: IntArray, markers_m: Array, posi
     jacobian = np.empty((*markers_m.shape, 1 + len(skeleton), 3))
     jacobian[..., 0, :] = _UNIT
     jacobian[..., 1:, :] = (rot.cross_matrices(arms) @ axes[..., None, :, :, :]).swapaxes(-3, -2)
-    return jacobian.reshape(*markers_m.shape, -1)
+    return jacobian.reshape(*markers_m.shape, 3 + 3 * len(skeleton))
 
 
 def joint_angles(skeleton: Skeleton, rotations: ArrayLike) -> list[Array]:

@@ -7,6 +7,7 @@ import platform
 import sys
 from typing import Any
 
+from ..kernel.library import KERNEL
 from ..system.libraries import LIBRARIES
 from ..system.progress import Progress
 from .options import add_command
@@ -24,6 +25,7 @@ def _run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
         "python": f"{platform.python_version()} ({sys.executable})",
         "platform": platform.platform(),
         "libraries": libraries,
+        "kernel": KERNEL.text,
         "cameras": _cameras(),
     }
 

@@ -3,6 +3,7 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..kernel.library import address, checked, contiguous, function, stage
 from . import rotations as rot
 from .arrays import Array
 
@@ -28,6 +29,17 @@ def kabsch(source: ArrayLike, target: ArrayLike, weights: ArrayLike | None = Non
     return rot.to_matrix(quaternion), translation
 
 
+_FIT = function("fit_rigid", "npppp")
+
+
+def _compiled(source: ArrayLike, target: ArrayLike, weights: ArrayLike | None = None) -> tuple[Array, Array]:
+    p, fitted = np.ascontiguousarray(source, dtype=np.float64), np.empty(7)
+    w = np.ones(len(p)) if weights is None else weights
+    checked(_FIT(len(p), address(p), contiguous(target), contiguous(w), address(fitted)))
+    return fitted[:4], fitted[4:]
+
+
+@stage(_compiled)
 def fit_rigid(source: ArrayLike, target: ArrayLike, weights: ArrayLike | None = None) -> tuple[Array, Array]:
     """Return the transform of `kabsch` with its rotation as a quaternion (Horn 1987)."""
     p = np.asarray(source, dtype=np.float64)

@@ -221,7 +221,13 @@ def between(sources: ArrayLike, targets: ArrayLike) -> Array:
 
 def vertical_in(quaternions: ArrayLike) -> Array:
     """Return the world's vertical (..., 3) in the axes of bodies with world-from-body quaternions (..., 4)."""
-    return rotate(conjugate(quaternions), np.array([0.0, 1.0, 0.0]))
+    q = np.asarray(quaternions, dtype=np.float64)
+    w, x, y, z = q[..., 0], q[..., 1], q[..., 2], q[..., 3]
+    result = np.empty((*q.shape[:-1], 3))
+    result[..., 0] = 2.0 * (x * y + w * z)
+    result[..., 1] = 1.0 - 2.0 * (x * x + z * z)
+    result[..., 2] = 2.0 * (y * z - w * x)
+    return result
 
 
 def angle_between(left: ArrayLike, right: ArrayLike) -> Array:

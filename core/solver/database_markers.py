@@ -30,6 +30,7 @@ class DatabaseMarkers:
         unit_m: Unit of the stored coordinates, a few hundredths of a millimetre.
         rows: Rows (F, 3 M + B) in the order of the cells: coordinates, then space for the values of one search.
         order: Frame (F,) of each row.
+        places: Row (F,) of each frame.
         starts: First row (C + 1,) of each cell; the additional last entry is F.
     """
 
@@ -37,8 +38,8 @@ class DatabaseMarkers:
         self.order: NDArray[np.int32] = np.argsort(cells, kind="stable").astype(np.int32)
         sizes = np.bincount(cells)
         self.starts: IntArray = np.concatenate(([0], np.cumsum(sizes[sizes > 0])))
-        self._places = np.empty_like(self.order)
-        self._places[self.order] = np.arange(len(cells), dtype=np.int32)
+        self.places: NDArray[np.int32] = np.empty_like(self.order)
+        self.places[self.order] = np.arange(len(cells), dtype=np.int32)
         self.unit_m, self.count = np.float32(reach_m / MOST), posed(self.order[:1]).size // 3
         self.rows: NDArray[np.int16] = np.zeros((len(cells), 3 * self.count + BESIDE), dtype=np.int16)
         for start in range(0, len(cells), _CHUNK):
@@ -60,8 +61,8 @@ class DatabaseMarkers:
 
     def take(self, frames: NDArray[Any]) -> FloatArray:
         """Return the markers (..., M, 3) of frames (...)."""
-        rows = self.rows.take(self._places.take(frames), axis=0)
-        return (rows[..., : 3 * self.count] * self.unit_m).reshape(*frames.shape, -1, 3)
+        rows = self.rows.take(self.places.take(frames), axis=0)
+        return (rows[..., : 3 * self.count] * self.unit_m).reshape(*frames.shape, self.count, 3)
 
     def all(self) -> FloatArray:
         """Return the markers (F, M, 3) of all frames, in the order of the frames."""

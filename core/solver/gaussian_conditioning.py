@@ -20,6 +20,7 @@ from scipy.linalg.lapack import dposv, dpotrf, dtrtrs
 
 from ..geometry import rotations as rot
 from ..geometry.arrays import Array, Mask
+from ..kernel.library import address, checked, contiguous, function, stage
 from .observation import Observation, control_jacobian, control_residual, control_sigmas
 from .subject_model import RootPose, SubjectModel
 
@@ -58,15 +59,8 @@ def neighbours_prior(
         columns = np.concatenate((np.arange(kept), kept + np.flatnonzero(seen)))
         samples, floor = samples[:, columns], floor[np.ix_(columns, columns)]
         observed, variances = observed[seen], variances[seen]
-    centre, shares = samples[0], weights.astype(samples.dtype)
-    spread = samples - centre
-    shift = shares @ spread
-    spread -= shift
-    # round tiny differences to zero: their products would be subnormal numbers, which are slow
-    spread += _TINY
-    spread -= _TINY
-    spread *= np.sqrt(shares)[:, None]
-    mean = centre + shift.astype(np.float64)
+    spread, shift = weighted_spread(samples, weights)
+    mean = samples[0] + shift.astype(np.float64)
     syrk = ssyrk if spread.dtype == np.float32 else dsyrk
     covariance = syrk(1.0, spread.T, 1.0, floor.T)  # only the upper triangle, because no more is used
     # double precision from here on, because in single precision subnormal numbers would occur
@@ -77,6 +71,35 @@ def neighbours_prior(
     across, moved = _regress(across, own, observed - mean[kept:])
     given = covariance[:kept, :kept].astype(np.float64)
     return Prior(mean[:kept] + moved, np.where(_lower(kept), given.T, given) - _product(across, across.T))
+
+
+_SPREAD = function("weighted_spread", "nnppfpp")
+
+
+def _compiled_spread(samples: NDArray[Any], weights: Array) -> tuple[NDArray[Any], NDArray[Any]]:
+    if samples.dtype != np.float32:
+        return weighted_spread.numpy_body(samples, weights)
+    spread, shift = np.empty(samples.shape, dtype=np.float32), np.empty(samples.shape[1], dtype=np.float32)
+    kept = contiguous(samples, np.float32), contiguous(weights, np.float32)
+    checked(_SPREAD(*samples.shape, *kept, float(_TINY), address(spread), address(shift)))
+    return spread, shift
+
+
+@stage(_compiled_spread)
+def weighted_spread(samples: NDArray[Any], weights: Array) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Return samples (K, n) minus their weighted mean, times the roots of the weights (K,), and the mean's shift (n,).
+
+    The shift is the mean's difference from the first sample.
+    """
+    shares = weights.astype(samples.dtype)
+    spread = samples - samples[0]
+    shift = shares @ spread
+    spread -= shift
+    # round tiny differences to zero: their products would be subnormal numbers, which are slow
+    spread += _TINY
+    spread -= _TINY
+    spread *= np.sqrt(shares)[:, None]
+    return spread, shift
 
 
 def continue_prior(prior: Prior, expected: Array, covariance: Array) -> Prior:
@@ -203,11 +226,34 @@ def _innovation(
         jacobian: Their Jacobian (M, 3, 6 + D).
     """
     jacobian = control_jacobian(observation, jacobian)
-    by_root, by_pose = jacobian[:, :6], jacobian[:, 6:]
-    covariance = by_pose @ _product(prior.covariance, by_pose.T)
-    covariance += (by_root * np.repeat(np.square(root_sigma), 3)) @ by_root.T
+    covariance = observed_covariance(jacobian, np.repeat(np.square(root_sigma), 3), prior.covariance)[1]
     _add_to_diagonal(covariance, _EXPECTED_SIGMA_M**2)
     return _whiten(covariance, -control_residual(observation, markers))
+
+
+_OBSERVED = function("observed_covariance", "nnppppp")
+
+
+def _compiled_covariance(jacobian: Array, root_variances: Array, covariance: Array) -> tuple[Array, Array]:
+    rows, width = jacobian.shape
+    spread, across = np.empty((rows, width)), np.empty((rows, rows))
+    kept = contiguous(jacobian), contiguous(root_variances), contiguous(covariance)
+    checked(_OBSERVED(rows, width - 6, *kept, address(spread), address(across)))
+    return spread.T, across
+
+
+@stage(_compiled_covariance)
+def observed_covariance(jacobian: Array, root_variances: Array, covariance: Array) -> tuple[Array, Array]:
+    """Return the covariance (6 + D, m) of root and pose with observations, and that of the observations (m, m).
+
+    Args:
+        jacobian: Jacobian J (m, 6 + D) of the observations.
+        root_variances: Variances (6,) of the root, which is independent of the pose.
+        covariance: Covariance (D, D) of the pose.
+    """
+    by_root, by_pose = jacobian[:, :6], jacobian[:, 6:]
+    gains = np.concatenate((root_variances[:, None] * by_root.T, _product(covariance, by_pose.T)))
+    return gains, jacobian @ gains
 
 
 def fit_to_markers(
@@ -229,7 +275,7 @@ def fit_to_markers(
     """
     sigmas_m = control_sigmas(expectation.observation, marker_sigma_m)
     covariance, mean = expectation.prior.covariance, expectation.prior.mean
-    root_variances = np.repeat(np.square(expectation.root_sigma), 3)[:, None]
+    root_variances = np.repeat(np.square(expectation.root_sigma), 3)
     # the change of root and pose from the prior mean is the prior covariance times `dual`; change @ dual is the cost
     # of the prior
     change, dual = kept = np.zeros((2, 6 + len(mean)))
@@ -245,8 +291,8 @@ def fit_to_markers(
             damping = max(_FIRST_DAMPING, _DAMPING_GROWTH * damping)
         else:
             least, kept, damping = cost, np.array((change, dual)), damping / _DAMPING_GROWTH**2
-            gains = np.concatenate((root_variances * jacobian[:, :6].T, _product(covariance, jacobian[:, 6:].T)))
-            across, innovation, slopes = jacobian @ gains, jacobian @ change - residual, jacobian
+            gains, across = observed_covariance(jacobian, root_variances, covariance)
+            innovation, slopes = jacobian @ change - residual, jacobian
             is_within = beyond_rad == 0.0
         share = 1.0 / (1.0 + damping)
         system = share * across

@@ -17,6 +17,7 @@ from scipy.linalg.blas import sgemm
 from ..database.store import Database
 from ..geometry import rotations as rot
 from ..geometry.arrays import Array, FloatArray, IntArray
+from ..kernel.library import address, checked, contiguous, function, stage
 from .database_markers import DatabaseMarkers
 from .subject_model import RootPose
 
@@ -108,19 +109,45 @@ class LaggedMarkers:
 
     def of_frames(self, frames: IntArray) -> FloatArray:
         """Return the markers (K, L, M, 3) before database frames (K,), in the frames of the roots of those."""
-        earlier = self._earlier.of(frames)
-        # for row vectors p, p R^T turns from the root's axes to the world's, and p R turns back
-        away, back = (self._matrices(each) for each in (earlier, frames))
-        away = np.ascontiguousarray(away.swapaxes(-1, -2))
-        turned = self._markers.take(earlier) @ away
-        shifts = self._root_positions_m.take(earlier, axis=0) - self._root_positions_m.take(frames, axis=0)[:, None]
-        turned += shifts[:, :, None]
-        flat = turned.reshape(len(frames), -1, 3)
-        return np.asarray((flat @ back).reshape(turned.shape))
+        rotations, positions_m = self._root_matrices, self._root_positions_m
+        return markers_before(self._markers, rotations, positions_m, frames, self._earlier.of(frames))
 
-    def _matrices(self, frames: IntArray) -> FloatArray:
-        """Return the root rotations (..., 3, 3) of database frames (...)."""
-        return (self._root_matrices.take(frames, axis=0) * _UNIT).reshape(*frames.shape, 3, 3)
+
+_EARLIER = function("earlier_markers", "pnnpfnpfpppnnp")
+
+
+def _compiled(
+    markers: DatabaseMarkers, rotations: NDArray[np.int16], positions_m: FloatArray, frames: IntArray, earlier: IntArray
+) -> FloatArray:
+    found = np.empty((*earlier.shape, markers.count, 3), dtype=np.float32)
+    stored = address(markers.rows), *markers.rows.shape, address(markers.places), float(markers.unit_m), markers.count
+    roots = address(rotations), float(_UNIT), contiguous(positions_m, np.float32)
+    checked(
+        _EARLIER(
+            *stored, *roots, contiguous(frames, np.int64), contiguous(earlier, np.int64), *earlier.shape, address(found)
+        )
+    )
+    return found
+
+
+@stage(_compiled)
+def markers_before(
+    markers: DatabaseMarkers, rotations: NDArray[np.int16], positions_m: FloatArray, frames: IntArray, earlier: IntArray
+) -> FloatArray:
+    """Return the markers (K, L, M, 3) of earlier frames (K, L) in the axes of the roots of frames (K,).
+
+    Args:
+        rotations: Root rotations (F, 9) of all frames, in units.
+        positions_m: Root positions (F, 3) of all frames.
+    """
+    # for row vectors p, p R^T turns from the root's axes to the world's, and p R turns back
+    away, back = ((rotations.take(each, axis=0) * _UNIT).reshape(*each.shape, 3, 3) for each in (earlier, frames))
+    away = np.ascontiguousarray(away.swapaxes(-1, -2))
+    turned = markers.take(earlier) @ away
+    shifts = positions_m.take(earlier, axis=0) - positions_m.take(frames, axis=0)[:, None]
+    turned += shifts[:, :, None]
+    flat = turned.reshape(len(frames), turned.shape[1] * markers.count, 3)
+    return np.asarray((flat @ back).reshape(turned.shape))
 
 
 class LaggedPoses:

@@ -20,12 +20,14 @@ from ..errors import FormatError
 from ..geometry import rotations as rot
 from ..geometry.arrays import Array, FloatArray, IntArray, Mask
 from ..geometry.npz import read_arrays
+from ..kernel.library import address, checked, contiguous, function, stage
 from ..system.files import reading
 from .gaussian_conditioning import Prior
 from .lagged_history import LaggedHistory
+from .marker_kinematics import exponential_and_right_jacobian
 from .observation import Observation
 from .root import root_from_torso
-from .subject_model import RootPose, SubjectModel, exponential_and_right_jacobian
+from .subject_model import RootPose, SubjectModel
 
 VERSION = 1
 _OFFSET_SCALE = 10.0  # factor of offsets, to bring centimetres to the range of the other inputs (decimetres to metres)
@@ -219,14 +221,38 @@ class MotionPrior:
 
     def _relative_to_subject(self, poses: Array, sigmas: Array) -> list[Prior]:
         """Return the network's Gaussians, means and sigmas (N, D), relative to the subject's reference pose."""
-        vectors = poses.reshape(len(poses), -1, 3)
-        moved = rot.to_rotation_vector((self._change @ rot.from_rotation_vector(vectors)[..., None])[..., 0])
-        before, after = exponential_and_right_jacobian(np.array((vectors, moved)))[1]
-        slopes = np.linalg.solve(after, self._back @ before) * sigmas.reshape(*vectors.shape[:2], 1, 3)
-        half = slopes @ self._correlation.reshape(vectors.shape[1], 3, -1)
-        square = (*poses.shape, poses.shape[1])
-        covariances = (slopes @ half.reshape(square).swapaxes(1, 2).reshape(half.shape)).reshape(square)
-        return [Prior(*pair) for pair in zip(moved.reshape(poses.shape), covariances, strict=True)]
+        turned = self._change, self._back, self._correlation
+        return [Prior(*moved_gaussian(*pair, *turned)) for pair in zip(poses, sigmas, strict=True)]
+
+
+_MOVED = function("moved_gaussian", "npppppppp")
+
+
+def _compiled(mean: Array, sigmas: Array, change: Array, back: Array, correlation: Array) -> tuple[Array, Array]:
+    moved, covariance, slopes = np.empty(mean.shape), np.empty(correlation.shape), np.empty(3 * len(mean))
+    kept = map(contiguous, (mean, sigmas, change, back, correlation))
+    checked(_MOVED(len(mean) // 3, *kept, address(slopes), address(moved), address(covariance)))
+    return moved, covariance
+
+
+@stage(_compiled)
+def moved_gaussian(mean: Array, sigmas: Array, change: Array, back: Array, correlation: Array) -> tuple[Array, Array]:
+    """Return mean (D,) and covariance (D, D) of rotation vectors relative to other reference rotations.
+
+    Args:
+        mean: Rotation vectors (D,).
+        sigmas: Their standard deviations (D,).
+        change: Matrices (J - 1, 4, 4) that turn their quaternions.
+        back: Matrices (J - 1, 3, 3) that turn their small rotations.
+        correlation: Correlation (D, D) of their errors.
+    """
+    vectors = mean.reshape(-1, 3)
+    moved = rot.to_rotation_vector((change @ rot.from_rotation_vector(vectors)[..., None])[..., 0])
+    before, after = exponential_and_right_jacobian(np.array((vectors, moved)))[1]
+    slopes = np.linalg.solve(after, back @ before) * sigmas.reshape(-1, 1, 3)
+    half = slopes @ correlation.reshape(len(vectors), 3, len(mean))
+    covariance = slopes @ half.reshape(correlation.shape).T.reshape(half.shape)
+    return moved.ravel(), covariance.reshape(correlation.shape)
 
 
 def marker_features(points_m: Array, single: Mask, rest_m: Array, offsets_m: Array, lags_s: Array) -> Array:

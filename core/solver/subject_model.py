@@ -7,13 +7,14 @@ from typing import Any
 import numpy as np
 
 from ..body.posed_markers import markers_at_rest
-from ..body.skeleton import Skeleton, forward_kinematics_matrices, marker_jacobian, marker_positions
+from ..body.skeleton import Skeleton, marker_positions
 from ..body.standard_skeleton import JOINT_NAMES
 from ..database.store import Database, rotations_from_pose
 from ..errors import SubjectError
 from ..geometry import rotations as rot
 from ..geometry.arrays import Array, FloatArray, Mask
 from ..markers.subject import Subject
+from .marker_kinematics import MarkerBody, posed_markers, posed_markers_and_jacobian
 
 
 @dataclass(frozen=True)
@@ -37,8 +38,6 @@ class RootPose:
         return rot.to_matrix(self.rotation)
 
 
-_UNIT = np.eye(3)
-_SMALLEST_RAD = 1e-5  # replaces smaller angles in the divisions below, which changes the results by less than 1e-11
 ROOT_AT_REST = RootPose(rot.identity(), np.zeros(3))
 
 
@@ -56,11 +55,8 @@ class SubjectModel:
         self.joints = subject.marker_set.joint_indices(self.skeleton)
         self.offsets_m = subject.marker_set.offsets_m
         self.torso = subject.marker_set.torso
-        self._body, self._carrying = self.skeleton.carrying(self.joints)  # other joints do not move markers
-        self._carriers = np.argmax(self._carrying == self.joints[:, None], axis=1)
         self._moving = self.skeleton.is_ancestor[self.joints]
-        self._columns = np.concatenate(([0], 1 + self._carrying))
-        self._mean_matrices = rot.to_matrix(mean_rotations)[self._carrying[1:]]
+        self._body = MarkerBody.of(self.skeleton, self.joints, self.offsets_m, mean_rotations)
 
     def hidden_joints(self, seen: Mask) -> Mask:
         """Return a mask (J - 1,) of the joints that move no visible marker.
@@ -78,7 +74,7 @@ class SubjectModel:
     def markers(self, pose: Array, root: RootPose = ROOT_AT_REST) -> Array:
         """Return marker positions (..., M, 3) for poses (..., J - 1, 3)."""
         if pose.ndim == 2:
-            return self._posed(exponential_and_right_jacobian(pose[self._carrying[1:] - 1])[0], root)[0]
+            return posed_markers(self._body, pose, root.matrix, root.position_m)
         local = rotations_from_pose(pose, self.mean_rotations, root.rotation)
         return marker_positions(self.skeleton, self.joints, self.offsets_m, local, root.position_m)
 
@@ -92,43 +88,9 @@ class SubjectModel:
             pose: Poses (..., J - 1, 3).
             root: Root of each pose.
         """
-        turns, right_jacobians = exponential_and_right_jacobian(pose.take(self._carrying[1:] - 1, axis=-2))
-        markers, positions, axes = self._posed(turns, root)
-        axes[..., 1:, :, :] = axes[..., 1:, :, :] @ right_jacobians
-        moved = marker_jacobian(self._body, self._carriers, markers, positions, axes)
-        jacobian = np.zeros((*markers.shape, 1 + len(self.skeleton), 3))
-        jacobian[..., self._columns, :] = moved.reshape(*markers.shape, -1, 3)
-        return markers, jacobian.reshape(*markers.shape, -1)
-
-    def _posed(self, turns: Array, root: RootPose) -> tuple[Array, Array, Array]:
-        """Return markers, and the positions and world matrices of the joints that move them."""
-        local = np.empty((*turns.shape[:-3], len(self._body), 3, 3))
-        local[..., 0, :, :] = root.matrix
-        local[..., 1:, :, :] = self._mean_matrices @ turns
-        positions, world = forward_kinematics_matrices(self._body, local, root.position_m)
-        turned = world.take(self._carriers, axis=-3) @ self.offsets_m[:, :, None]
-        return positions.take(self._carriers, axis=-2) + turned[..., 0], positions, world
+        return posed_markers_and_jacobian(self._body, pose, root.matrix, root.position_m)
 
     def database_markers(self, database: Database, frames: Any = slice(None)) -> FloatArray:
         """Return the markers c_n (F, M, 3) of Eq. 1, float32, with the root at rest."""
         poses = database.poses[frames]
         return markers_at_rest(self.skeleton, self.joints, self.offsets_m, self.mean_rotations, poses)
-
-
-def exponential_and_right_jacobian(vectors: Array) -> tuple[Array, Array]:
-    """Return exp(v) (..., 3, 3) and its right Jacobian (Sola 2018, Eq. 143).
-
-    Both are linear combinations of the identity, the cross-product matrix of v, and v v^T.
-    """
-    angle2 = np.add.reduce(vectors * vectors, axis=-1)[..., None, None]
-    angle = np.maximum(np.sqrt(angle2), _SMALLEST_RAD)
-    sine = np.sin(angle) / angle
-    versine = (1.0 - np.cos(angle)) / (angle * angle)
-    cross, square = rot.cross_matrices(vectors), vectors[..., :, None] * vectors[..., None, :]
-    turn = sine * cross
-    turn += versine * square
-    turn += (1.0 - versine * angle2) * _UNIT
-    jacobian = ((1.0 - sine) / (angle * angle)) * square
-    jacobian -= versine * cross
-    jacobian += sine * _UNIT
-    return turn, jacobian

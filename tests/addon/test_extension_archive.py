@@ -69,6 +69,19 @@ def test_the_addon_is_whole_and_nothing_else_is_in(archive: zipfile.ZipFile) -> 
         assert "numpy" not in name
 
 
+def test_the_kernel_of_the_platform_is_in(builder: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    folder = tmp_path / "core" / "kernel" / "libraries"
+    folder.mkdir(parents=True)
+    for name in ("windows-x64.dll", "windows-arm64.dll", "linux-x64.so", "macos-arm64.dylib"):
+        (folder / f"perfanim_kernel-{name}").write_bytes(b"library")
+    (tmp_path / "blender_manifest.toml").write_bytes((ROOT / "blender_manifest.toml").read_bytes())
+    monkeypatch.setattr(builder, "ROOT", tmp_path)
+    monkeypatch.setattr(builder, "KERNELS", folder)
+    monkeypatch.setattr(builder, "manual_files", list)
+    names = zipfile.ZipFile(builder.build("3.11", "windows-x64", [], tmp_path / "dist")).namelist()
+    assert [name for name in names if "kernel" in name] == ["core/kernel/libraries/perfanim_kernel-windows-x64.dll"]
+
+
 def test_the_diagnostics_tell_of_each_wheel(builder: ModuleType) -> None:
     wheels = {requirement.partition("==")[0] for requirement in builder.REQUIREMENTS}
     assert set(LIBRARIES.values()) == {*wheels, "numpy"}  # Blender has numpy

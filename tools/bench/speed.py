@@ -18,6 +18,7 @@ from perfanim.core.body.motion import Motion, sliced
 from perfanim.core.database.build_database import BuildSettings, build_database
 from perfanim.core.database.store import Database, open_database
 from perfanim.core.geometry.arrays import FloatArray, Image, IntArray
+from perfanim.core.kernel.library import use_kernel
 from perfanim.core.markers.marker_frame import MarkerFrame
 from perfanim.core.markers.subject import Subject
 from perfanim.core.markers.take_frames import take_frames
@@ -51,6 +52,7 @@ _SKIPPED_S, _LEAST_S = 4.0, 3.0  # part of the performance skipped (T pose, arms
 _BLOCK = 40  # pairs of images in one measurement of processor time, because the clock's steps are coarse
 _MARKERS, _MARKER_PX, _MARKER_LEVEL, _ROOM_LEVEL = 12, 3.0, 220.0, 16.0
 _IMAGES = 40
+_TURNS = 240  # frames solved by kernel and NumPy in turn
 _WARM_FRAMES = 20  # frames solved by each process before recorded takes are timed
 
 
@@ -73,6 +75,8 @@ def speed(run: Run) -> dict[str, Any]:
     run.progress(0.7, "solving")
     database, takes = _part_of(run, whole), [run.read(take) for take in (WALKING, UNLIKE)]
     rows += _solving(takes[0], database)
+    for title, truth in zip(("known", "unlike"), takes, strict=True):
+        rows += _by_both_bodies(title, truth, database)
     run.progress(0.8, "solving recorded takes")
     rows += _recorded(takes, database.path)
     machine = {"processors": os.cpu_count(), "load_before": load_before, "load_after": _load()}
@@ -229,6 +233,25 @@ def _solving(truth: Motion, database: Database) -> list[Row]:
         title = f"solve of a frame, best, {database.frames:,} frames"
         rows.add(f"{title}: median", float(np.median(milliseconds)), goal=1.0, clock=clock)
         rows.add(f"{title}: p99", float(np.percentile(milliseconds, 99)), goal=2.5, clock=clock)
+    return rows.rows
+
+
+def _by_both_bodies(title: str, truth: Motion, database: Database) -> list[Row]:
+    """Time the live solve of a take's frames, without labels, by the kernel and by NumPy, frame by frame in turn."""
+    rows, subject = _Rows(), true_subject(truth)
+    bodies = {False: "NumPy", True: "kernel"} if use_kernel(True) else {}
+    sessions = {is_used: Session(subject, database) for is_used in bodies}
+    taken: dict[bool, list[float]] = {is_used: [] for is_used in bodies}
+    for number, frame in enumerate(frames_of(sliced(truth, 0, _TURNS), subject)):
+        for is_used in sorted(bodies, reverse=bool(number % 2)):
+            use_kernel(is_used)
+            taken[is_used].append(_times(sessions[is_used].step, [without_labels(frame, number)])[0, 1])
+    for is_used, name in bodies.items():
+        milliseconds = taken[is_used][FIRST_FRAMES:]
+        rows.add(f"frame without labels, {title}, {name}: median", float(np.median(milliseconds)), clock="processor")
+        rows.add(
+            f"frame without labels, {title}, {name}: p99", float(np.percentile(milliseconds, 99)), clock="processor"
+        )
     return rows.rows
 
 

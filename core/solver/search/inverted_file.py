@@ -13,7 +13,8 @@ from scipy.linalg.blas import sgemm
 from ...geometry.arrays import Array, FloatArray, IntArray
 from ...geometry.principal_components import principal_components
 from ..database_markers import BESIDE, MOST, DatabaseMarkers
-from .exhaustive import Query, closest, distances_between, times
+from .exhaustive import Query, closest, times
+from .stored_distances import frame_distances, row_distances
 
 _SCANNED = 6144  # approximate number of frames in the cells that are scanned
 _FIRST_SCANNED = 2  # factor of this number for queries without a pose
@@ -60,9 +61,7 @@ class CellSearch:
         """Return the frames most likely to be closest, about twice `count`; only the first of them are sorted."""
         target, weights = self._target(query)
         rows = self._rows_near(query, target, weights, count)
-        stored = self._markers.rows.take(rows, axis=0).astype(np.float32)
-        # without the squared length of the target, which is the same for all frames
-        estimates = times(stored, -2.0 * weights * target) + times(np.square(stored, out=stored), weights)
+        estimates = row_distances(self._markers.rows, rows, target, weights)
         compared = min(math.ceil(_COMPARED * count), len(rows) - 1)
         chosen = np.argpartition(estimates, (min(_FIRST, compared), compared))[: compared + 1]
         frames = self._markers.order.take(rows.take(chosen)).astype(np.int64)
@@ -72,8 +71,7 @@ class CellSearch:
 
     def nearest_among(self, query: Query, candidates: IntArray, count: int | None = None) -> tuple[IntArray, Array]:
         """Return the closest `count` candidates, by default all, sorted by Eq. 2 distance, and these distances."""
-        rows = self._markers.take(candidates).reshape(len(candidates), -1)
-        distances = distances_between(query, rows, self._poses, candidates)
+        distances = frame_distances(self._markers, query, self._poses, candidates)
         order, ascending = closest(distances, count or len(candidates))
         return candidates[order], ascending
 

@@ -4,10 +4,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial.distance import cdist
 
 from ...geometry.arrays import Array, IntArray, Mask
 from ...geometry.gated_assignment import assign
+from ...geometry.rotations import lengths
 from .matching_settings import MATCHING
 
 
@@ -33,7 +33,7 @@ class BlobLinker:
             speeds = np.where(known[:, :1], MATCHING.gate_px_s, MATCHING.new_px_s)
             gates = self._scale * (MATCHING.gate_px + speeds * passed_s)
             expected = self._tracks[:, :2] + np.where(known, velocities, 0.0) * passed_s
-            rows, columns = assign(cdist(expected, pixels) / gates)
+            rows, columns = assign(lengths(expected[:, None] - pixels) / gates)
             ids[columns] = self._ids[rows]
             seen[columns, 2:4] = (pixels[columns] - self._tracks[rows, :2]) / passed_s[rows]
             unseen = np.ones(len(self._ids), dtype=bool)

@@ -1,10 +1,10 @@
 """Prediction of unlabelled points from the last frames."""
 
 import numpy as np
-from scipy.spatial.distance import cdist
 
 from ...geometry.arrays import Array
 from ...geometry.gated_assignment import assign
+from ...geometry.rotations import lengths
 from .matching_settings import MATCHING
 
 
@@ -29,7 +29,7 @@ class PointPredictor:
         kept = time_s - self._seen_s < MATCHING.forget_s
         expected = self.predict(time_s)
         if expected is not None and len(points_m):
-            distance = cdist(points_m, expected)
+            distance = lengths(points_m[:, None] - expected)
             rows, columns = assign(distance, np.inf)
             passed = np.maximum(time_s - self._seen_s[columns], 1e-4)
             near = distance[rows, columns] <= MATCHING.jitter_m + MATCHING.fastest_m_s * passed

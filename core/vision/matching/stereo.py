@@ -8,11 +8,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial.distance import cdist
 
 from ...geometry.arrays import Array, FloatArray, IntArray
 from ...geometry.camera import Camera, CameraRig, undistort_all
 from ...geometry.gated_assignment import assign
+from ...geometry.rotations import lengths
 from ...geometry.triangulation import depths, inverse_3x3, triangulate
 from .matching_settings import MATCHING
 
@@ -81,7 +81,7 @@ class StereoMatcher:
             return table
         view = self.rig.cameras[camera]
         local = view.to_camera(points)
-        distance = cdist(local[:, :2] / local[:, 2:], normalised[camera]) * view.focal_px
+        distance = lengths((local[:, :2] / local[:, 2:])[:, None] - normalised[camera]) * view.focal_px
         rows, columns = assign(np.where(local[:, 2:] > 0.0, distance, np.inf), self._epipolar_px)
         table = table.copy()
         table[rows, camera] = columns

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import scipy
 from perfanim.core.cli.main import main
+from perfanim.core.kernel.library import KERNEL
 from perfanim.core.vision.sources import camera_source
 from perfanim.core.vision.sources.camera_source import FoundCamera
 
@@ -20,6 +21,7 @@ def test_versions_and_cameras_are_told(capsys: pytest.CaptureFixture[str], monke
     versions = {"numpy": np.__version__, "scipy": scipy.__version__, "cv2": cv2.__version__}
     pure = {"pythonosc": importlib.metadata.version("python-osc"), "tomli_w": importlib.metadata.version("tomli-w")}
     assert told["libraries"] == {**versions, **pure}
+    assert told["kernel"] == KERNEL.text
     assert told["cameras"] == [{"device": 0, "size": [640, 480]}, {"device": 2, "size": None}]
     assert sys.executable in told["python"]
 

@@ -1,0 +1,100 @@
+/* Gaussians of poses: core/solver/gaussian_conditioning.py, core/solver/motion_prior.py. */
+
+/* spread (m, 6 + D): J diag(variances, P), and across (m, m): spread J^T, of a Jacobian J (m, 6 + D), the variances of
+   the root (6,) and the covariance P (D, D) of the pose. */
+EXPORT int64_t STAGE(observed_covariance)(int64_t rows, int64_t size, const double *jacobian, const double *variances,
+                                          const double *covariance, double *restrict spread, double *restrict across) {
+  int64_t width = 6 + size;
+  for (int64_t i = 0; i < rows; i++) {
+    const double *own = jacobian + i * width;
+    double *restrict out = spread + i * width;
+    for (int j = 0; j < 6; j++) out[j] = own[j] * variances[j];
+    for (int64_t j = 6; j < width; j++) out[j] = 0.0;
+    for (int64_t k = 0; k < size; k++) {
+      double share = own[6 + k];
+      const double *restrict row = covariance + k * size;
+      if (share == 0.0) continue; /* joints that do not move the marker */
+      for (int64_t j = 0; j < size; j++) out[6 + j] += share * row[j];
+    }
+    for (int64_t j = 0; j <= i; j++) {
+      const double *other = jacobian + j * width;
+      v4d sums = {0.0};
+      double rest = 0.0;
+      int64_t k = 0;
+      for (; k + 4 <= width; k += 4) {
+        v4d a, b;
+        memcpy(&a, out + k, sizeof a);
+        memcpy(&b, other + k, sizeof b);
+        sums += a * b;
+      }
+      for (; k < width; k++) rest += out[k] * other[k];
+      across[i * rows + j] = across[j * rows + i] = ((sums[0] + sums[2]) + (sums[1] + sums[3])) + rest;
+    }
+  }
+  return 0;
+}
+
+/* spread (K, n): differences of samples (K, n) from their mean, times the roots of weights (K,); shift (n,): the mean's
+   difference from the first sample. */
+EXPORT int64_t STAGE(weighted_spread)(int64_t count, int64_t size, const float *samples, const float *weights,
+                                      float tiny, float *restrict spread, float *restrict shift) {
+  for (int64_t j = 0; j < size; j++) shift[j] = 0.0f;
+  for (int64_t k = 0; k < count; k++) {
+    const float *restrict row = samples + k * size;
+    float weight = weights[k];
+    for (int64_t j = 0; j < size; j++) shift[j] += weight * (row[j] - samples[j]);
+  }
+  for (int64_t k = 0; k < count; k++) {
+    const float *restrict row = samples + k * size;
+    float *restrict out = spread + k * size;
+    float root = sqrtf(weights[k]);
+    for (int64_t j = 0; j < size; j++) {
+      float away = (row[j] - samples[j]) - shift[j];
+      float rounded = away + tiny; /* adding and subtracting rounds tiny differences to zero */
+      out[j] = (rounded - tiny) * root;
+    }
+  }
+  return 0;
+}
+
+/* A Gaussian of rotation vectors (J, 3), with standard deviations (J, 3) and their correlation (3 J, 3 J), relative to
+   other reference rotations. The vectors' quaternions are multiplied by change (J, 4, 4); back (J, 3, 3) turns their
+   small rotations. moved (J, 3) and covariance (3 J, 3 J) are the results; slopes: work for 9 J values. */
+EXPORT int64_t STAGE(moved_gaussian)(int64_t joints, const double *vectors, const double *sigmas, const double *change,
+                                     const double *back, const double *correlation, double *slopes, double *moved,
+                                     double *covariance) {
+  int64_t width = 3 * joints;
+  for (int64_t n = 0; n < joints; n++) {
+    const double *v = vectors + 3 * n, *c = change + 16 * n;
+    double half = 0.5 * sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]), safe = half > DBL_MIN ? half : DBL_MIN;
+    double factor = 0.5 * sin(safe) / safe, q[4] = {cos(half), factor * v[0], factor * v[1], factor * v[2]}, r[4];
+    for (int i = 0; i < 4; i++) r[i] = c[4 * i] * q[0] + c[4 * i + 1] * q[1] + c[4 * i + 2] * q[2] + c[4 * i + 3] * q[3];
+    double sine = sqrt(r[1] * r[1] + r[2] * r[2] + r[3] * r[3]);
+    if (sine < DBL_MIN) sine = DBL_MIN;
+    double scale = 2.0 * atan2(sine, fabs(r[0])) / sine * (r[0] < 0.0 ? -1.0 : 1.0);
+    for (int i = 0; i < 3; i++) moved[3 * n + i] = scale * r[1 + i];
+    double turn[9], before[9], a[9], b[9];
+    STAGE(exponential)(v, turn, before);
+    STAGE(exponential)(moved + 3 * n, turn, a);
+    STAGE(product)(back + 9 * n, before, b);
+    /* slopes = a^-1 b, times the deviations; a is the Jacobian of a rotation of at most pi, so it can be inverted */
+    double adjugate[9] = {a[4] * a[8] - a[5] * a[7], a[2] * a[7] - a[1] * a[8], a[1] * a[5] - a[2] * a[4],
+                          a[5] * a[6] - a[3] * a[8], a[0] * a[8] - a[2] * a[6], a[2] * a[3] - a[0] * a[5],
+                          a[3] * a[7] - a[4] * a[6], a[1] * a[6] - a[0] * a[7], a[0] * a[4] - a[1] * a[3]};
+    double determinant = a[0] * adjugate[0] + a[1] * adjugate[3] + a[2] * adjugate[6];
+    STAGE(product)(adjugate, b, slopes + 9 * n);
+    for (int i = 0; i < 9; i++) slopes[9 * n + i] *= sigmas[3 * n + i % 3] / determinant;
+  }
+  for (int64_t n = 0; n < joints; n++)
+    for (int64_t m = 0; m < joints; m++) {
+      double block[9], half[9], other[9];
+      for (int i = 0; i < 9; i++) {
+        block[i] = correlation[(3 * n + i / 3) * width + 3 * m + i % 3];
+        other[i] = slopes[9 * m + 3 * (i % 3) + i / 3];
+      }
+      STAGE(product)(slopes + 9 * n, block, half);
+      STAGE(product)(half, other, block);
+      for (int i = 0; i < 9; i++) covariance[(3 * n + i / 3) * width + 3 * m + i % 3] = block[i];
+    }
+  return 0;
+}
