@@ -5,9 +5,7 @@ from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
-from ..errors import CalibrationError, SettingsError
+from ..errors import SettingsError
 from ..geometry.arrays import Mask
 from ..geometry.camera import Camera, CameraRig
 from ..markers.marker_set import load_marker_set
@@ -110,7 +108,7 @@ def _detected(
     sources: Mapping[str, Path | str], lenses: CameraRig | None, detect: Any, *, together: bool = True
 ) -> "tuple[Sequence[Camera], Mask, list[MarkerFrame]]":
     """Return the cameras with their lenses, which lenses are unknown, and what `detect` finds in their images."""
-    from ..vision.calibration.moving_fit import usual_camera
+    from ..vision.calibration.moving_fit import cameras_with_lenses
     from ..vision.sources.source_kinds import open_image_source
 
     if len(sources) < 2:
@@ -120,11 +118,5 @@ def _detected(
         if int(getattr(source, "frames", 0)) <= 0:
             raise SettingsError("live cameras are not recorded here", advice="give videos or folders of images")
         sizes = [(image.shape[1], image.shape[0]) for image in next(iter(source)).images]
-        known = {camera.name: camera for camera in lenses.cameras} if lenses else {}
-        for name in sources:
-            if lenses and name not in known:
-                names = ", ".join(known)
-                raise CalibrationError(f"has no lens of {name}, but those of {names}", advice="name the cameras alike")
-        cameras = [known.get(name) or usual_camera(name, size) for name, size in zip(sources, sizes, strict=True)]
-        is_free = np.array([name not in known for name in sources])
+        cameras, is_free = cameras_with_lenses(list(sources), sizes, lenses)
         return cameras, is_free, detect(CameraRig(tuple(cameras)), source)

@@ -17,6 +17,7 @@ JOBS = {
     "trackers": "tracker_frames",
     "command": "run_command",
     "record board": "record_board",
+    "record walk": "record_walk",
     "record floor": "record_floor",
     "record floor markers": "record_floor_markers",
     "record pose": "record_pose",

@@ -166,6 +166,16 @@ class FloorMarkersRequest(CamerasRequest):
 
 
 @dataclass(frozen=True, kw_only=True)
+class RecordWalkRequest(CamerasRequest):
+    """Calibrate live cameras by a person who walks about; `rig` has the lenses that are known."""
+
+    job: ClassVar[str] = "record walk"
+    countdown_s: Annotated[float, About("time to go in front of the cameras", "s", 0.0, _SECONDS)] = 0.0
+    seconds: Annotated[float, About("duration of the walk", "s", 1.0, _SECONDS)] = 20.0
+    height_m: Annotated[float, About("height of the person", "m", 1.0, 2.5)]
+
+
+@dataclass(frozen=True, kw_only=True)
 class RecordPoseRequest(CamerasRequest):
     """Record a take of the performer's calibration poses."""
 
@@ -241,8 +251,8 @@ class SketchRequest(SketchEdit):
 
 _CLASSES: tuple[type[Request], ...] = (
     CaptureRequest, CamerasRequest, TrackersRequest, CommandRequest, RecordBoardRequest, RecordFloorRequest,
-    FloorMarkersRequest, RecordPoseRequest, CalibratePerformerRequest, ShowCamerasRequest, CheckSetupRequest,
-    SketchRequest, SketchEdit,
+    FloorMarkersRequest, RecordWalkRequest, RecordPoseRequest, CalibratePerformerRequest, ShowCamerasRequest,
+    CheckSetupRequest, SketchRequest, SketchEdit,
 )  # fmt: skip
 _SCHEMAS = {cls.job: Schema(cls, cls.job, "", SettingsError, "start it again") for cls in _CLASSES}
 

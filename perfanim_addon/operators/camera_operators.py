@@ -8,10 +8,18 @@ import bpy
 from bpy_extras.io_utils import ExportHelper
 
 from ...core.errors import CalibrationError, counted
+from ...core.geometry.camera import CameraRig
 from ...core.geometry.rig_file import rig_from, save_rig
 from ...core.system.files import is_folder
+from ...core.vision.people.network_file import body_network_file
 from ...core.vision.sources.source_requests import LiveCameras
-from ...core.worker.requests import FloorMarkersRequest, RecordBoardRequest, RecordFloorRequest
+from ...core.worker.requests import (
+    FloorMarkersRequest,
+    RecordBoardRequest,
+    RecordFloorRequest,
+    RecordWalkRequest,
+    Request,
+)
 from ..capture import capture_request, sound
 from ..capture.tuning import TUNING
 from ..preferences.paths import absolute, user_folder
@@ -21,6 +29,7 @@ from .job_operators import JobOperator
 from .operator_bases import need
 
 PANEL = "cameras"
+_BY_WALKING = "cameras-by-walking.toml"
 _RECORDED = {"VIDEOS": "video", "IMAGES": "folder"}  # endings of the settings that hold the recordings
 SIMULATED_BOARD = (9, 6, 80.0)  # inner corners and square in mm
 
@@ -61,8 +70,8 @@ class PERFANIM_OT_calibrate_cameras(JobOperator, bpy.types.Operator):
 
 
 class PERFANIM_OT_calibrate_walking(JobOperator, bpy.types.Operator):
-    """Calibrate both cameras by a person who walks about in the recording, without a board.
-    Lenses that were calibrated with a board are kept"""
+    """Calibrate both cameras, without a board, by a person who walks about for 20 seconds: in the recording, or in
+    front of the cameras after a countdown. Lenses that were calibrated with a board are kept"""
 
     bl_label = "Calibrate by Walking"
     title = "Calibrating the cameras"
@@ -71,26 +80,54 @@ class PERFANIM_OT_calibrate_walking(JobOperator, bpy.types.Operator):
     @classmethod
     def missing_input(cls, context: bpy.types.Context) -> str:
         chosen = settings(context)
-        if chosen.source not in ("VIDEOS", "IMAGES"):
-            return "Needs videos or image folders as the source; live cameras are calibrated with the board"
+        if chosen.source not in ("CAMERAS", *_RECORDED):
+            return "Needs cameras, videos or image folders as the source"
+        if chosen.source == "CAMERAS" and chosen.right_device == readiness.NONE:
+            return "Needs two cameras; a single one is calibrated with the board"
         return readiness.network(chosen).problem
+
+    def request(self, context: bpy.types.Context) -> Request:
+        chosen = settings(context)
+        if chosen.source != "CAMERAS":
+            return super().request(context)
+        source, lenses = _all_cameras(chosen), _lenses(chosen)
+        return RecordWalkRequest(
+            source=source,
+            rig=lenses if lenses and len(lenses) == len(source.devices) else None,
+            people=str(body_network_file()),
+            countdown_s=chosen.countdown_s,
+            height_m=chosen.subject_height,
+        )
 
     def arguments(self, context: bpy.types.Context) -> list[str]:
         chosen = settings(context)
-        self._target = str(user_folder("calibrations") / "cameras-by-walking.toml")
-        arguments = ["calibrate", "cameras", "--by-walking", "--out", self._target]
+        arguments = ["calibrate", "cameras", "--by-walking", "--out", str(user_folder("calibrations") / _BY_WALKING)]
         arguments += ["--height", f"{chosen.subject_height:.3f}"]
         for side in ("left", "right"):
             arguments += [f"--{side}", absolute(getattr(chosen, f"{side}_{_RECORDED[chosen.source]}"))]
-        present = absolute(chosen.calibration)
-        rig = readiness.found(readiness.rig, present) if present else None
-        if rig and "by" not in rig.metadata and {"left", "right"} <= {camera.name for camera in rig.cameras}:
-            arguments += ["--lenses", present]
+        if _lenses(chosen):
+            arguments += ["--lenses", absolute(chosen.calibration)]
         return arguments
 
     def on_result(self, context: bpy.types.Context, summary: dict[str, Any]) -> str:
-        settings(context).calibration = self._target
+        if "rig" in summary:
+            _use_rig(settings(context), summary, _BY_WALKING)
+        else:
+            settings(context).calibration = str(user_folder("calibrations") / _BY_WALKING)
         return _quality(summary)
+
+
+def _all_cameras(chosen: PERFANIM_PG_settings) -> LiveCameras:
+    """Return all chosen cameras, even if the current calibration has only one."""
+    return replace(capture_request.source(chosen), devices=tuple(readiness.devices(chosen)))
+
+
+def _lenses(chosen: PERFANIM_PG_settings) -> CameraRig | None:
+    """Return the present calibration if a board has measured both lenses."""
+    present = absolute(chosen.calibration)
+    rig = readiness.found(readiness.rig, present) if present else None
+    is_measured = rig and "by" not in rig.metadata and {"left", "right"} <= {camera.name for camera in rig.cameras}
+    return rig if is_measured else None
 
 
 class _Watching(JobOperator):
@@ -115,8 +152,7 @@ class PERFANIM_OT_calibrate_board(_Watching, bpy.types.Operator):
         chosen = settings(context)
         fields, every_s = _board_fields(chosen), None
         if isinstance(fields["source"], LiveCameras):
-            # all cameras, even if the current calibration has only one
-            fields["source"] = replace(fields["source"], devices=tuple(readiness.devices(chosen)))
+            fields["source"] = _all_cameras(chosen)
             every_s = chosen.board_every_s if chosen.board_timed else None
         out = str(user_folder("calibrations", "board"))
         return RecordBoardRequest(**fields, limit=chosen.board_views, every_s=every_s, out=out)

@@ -96,7 +96,7 @@ class PERFANIM_PT_cameras(_Step, bpy.types.Panel):
         if readiness.is_known(chosen) or not readiness.has_cameras(chosen):
             return
         layout.prop(chosen, "calibration")
-        if chosen.source in ("VIDEOS", "IMAGES") and readiness.follows_person(chosen):
+        if chosen.source in ("CAMERAS", "VIDEOS", "IMAGES") and readiness.follows_person(chosen):
             layout.prop(chosen, "subject_height")
             layout.operator("perfanim.calibrate_walking", icon="ARMATURE_DATA")
         draw_ignored(bpy.context, layout, chosen)

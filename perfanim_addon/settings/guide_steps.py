@@ -187,7 +187,7 @@ def _floor_text(settings: Any) -> str:
 
 
 def _calibrating(settings: Any) -> str:
-    if settings.source in ("VIDEOS", "IMAGES") and readiness.follows_person(settings):
+    if readiness.follows_person(settings) and not readiness.is_one_camera(settings):
         return "calibrate_walking"
     return "calibrate_board" if settings.source in ("CAMERAS", "SIMULATED") else "calibrate_cameras"
 
@@ -197,6 +197,8 @@ def _measuring(settings: Any) -> str:
 
 
 def _calibrating_text(settings: Any) -> str:
+    if _calibrating(settings) == "calibrate_walking" and settings.source == "CAMERAS":
+        return "Type your height, click, then walk about for 20 s where both cameras see all of you."
     if _calibrating(settings) == "calibrate_walking":
         return "Type the height of the person, who walks about for 20 s where both cameras see all of them, and click."
     if _calibrating(settings) == "calibrate_board":

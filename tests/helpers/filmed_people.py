@@ -30,6 +30,7 @@ class FakeNetwork:
     pixels: dict[int, Array]  # (K, 2) by the number of the picture
     points_m: dict[int, Array] = field(default_factory=dict)  # (K, 3) in the camera's axes
     marker_set: str = POINTS.name
+    score: float = 0.9  # of the person
     calls: int = 0
 
     def find(self, image: Image, crop: Crop) -> FoundPerson:
@@ -43,7 +44,7 @@ class FakeNetwork:
         side = 1.3 * float((high - low).max())
         shows = max(abs(crop.x_px - x), abs(crop.y_px - y)) < 0.3 * side and 0.5 < crop.side_px / side < 3.0
         points_m = self.points_m.get(number, NOWHERE)
-        return FoundPerson(pixels, points_m, np.ones(len(POINTS)), 0.9 if shows else 0.1, Crop(x, y, side))
+        return FoundPerson(pixels, points_m, np.ones(len(POINTS)), self.score if shows else 0.1, Crop(x, y, side))
 
 
 def picture(number: int, width: int = 640, height: int = 480) -> Image:

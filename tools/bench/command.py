@@ -63,6 +63,9 @@ _BENCHES = {
     "people": _Bench(
         "a person followed by two cameras: joints, time to poses", "films cam01.mp4 ..., and Calib.qca.txt"
     ),
+    "simulated-people": _Bench(
+        "people with a network's errors in films of two cameras: errors, feet, exchanged limbs, live and offline"
+    ),
     "rendered-person": _Bench("a person rendered in a lit room, from two films to joints; needs bpy"),
     "retarget": _Bench("a walk and boxing on all characters of a folder; needs bpy", "folder of characters"),
     "setup-check": _Bench("faults that the check before a capture finds in random studios", "", ("studios", "seed")),

@@ -77,7 +77,7 @@ def _as_keypoints(take: MarkerTake, generator: np.random.Generator) -> MarkerTak
     for pair in _EXCHANGED:
         left, right = map(take.names.index, pair)
         for half in (0, frames // 2):
-            first = half + generator.integers(frames // 2 - most)
+            first = half + generator.integers(max(frames // 2 - most, 1))
             part = slice(first, first + generator.integers(least, most + 1))
             positions[part, [left, right]] = positions[part, [right, left]]
     return replace(take, positions_m=positions)

@@ -60,21 +60,25 @@ def rendered_person(run: Run) -> dict[str, Any]:
 def filmed_motion(cmu: Path, seconds: float) -> Motion:
     """Return the take's motion at the films' rate, in the middle of the room."""
     motion = resampled(read_motion(cmu / ROOM.take), ROOM.fps)
-    motion = sliced(motion, 0, min(motion.frames, round(seconds * ROOM.fps)))
+    return in_the_middle(sliced(motion, 0, min(motion.frames, round(seconds * ROOM.fps))))
+
+
+def in_the_middle(motion: Motion) -> Motion:
+    """Return the motion in the middle of the room, on its floor."""
     joints_m = forward_kinematics(motion.skeleton, motion.rotations, motion.root_positions_m)[0]
     middle = 0.5 * (joints_m.min(axis=(0, 1)) + joints_m.max(axis=(0, 1)))
     middle[1] = joints_m[..., 1].min() - 0.02  # thickness of the soles below the toes
     return replace(motion, root_positions_m=motion.root_positions_m - middle)
 
 
-def two_cameras() -> CameraRig:
-    """Return two cameras a right angle apart that look at the middle of the room."""
+def two_cameras(far_m: float = ROOM.far_m) -> CameraRig:
+    """Return two cameras a right angle apart that look at the middle of the room from this distance."""
     width, height = ROOM.size
     focal = ROOM.focal * width
     matrix = np.array([[focal, 0.0, 0.5 * (width - 1)], [0.0, focal, 0.5 * (height - 1)], [0.0, 0.0, 1.0]])
     cameras = []
     for name, angle, high_m in zip(("left", "right"), np.radians(ROOM.angles_deg), ROOM.heights_m, strict=True):
-        place = np.array([ROOM.far_m * np.sin(angle), high_m, ROOM.far_m * np.cos(angle)])
+        place = np.array([far_m * np.sin(angle), high_m, far_m * np.cos(angle)])
         rotation = looking_at(place, np.array([0.0, 0.9, 0.0]))
         cameras.append(Camera(name, ROOM.size, matrix, np.zeros(5), rotation, -rotation @ place))
     return CameraRig(tuple(cameras))

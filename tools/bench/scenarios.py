@@ -148,6 +148,19 @@ KEYPOINT_TAKES = (
     (Take("hop on one foot (49_02)", "49_02", 0.3, 0.5), "opencap"),
     (Take("climb steps (14_21)", "14_21", 0.2, 0.6), "halpe-26"),
 )
+# people without markers, whom the databases for these takes lack; settings of keypoints were chosen on 14_02, too
+PEOPLE_TAKES = (
+    WALKING,
+    Take("walk with a turn (16_29)", "16_29"),
+    Take("walk (35_12)", "35_12"),
+    Take("run (09_01)", "09_01"),
+    Take("jump (16_05)", "16_05"),
+    JUMPING,
+    Take("forwards, backwards, sideways (09_12)", "09_12"),
+    BOXING,
+    UNLIKE,
+    Take("climb steps (14_21)", "14_21", 0.2, 0.6),
+)
 # CMU subjects on which the settings of label faults were chosen
 LABELS_CHOSEN_ON = ("05", "14", "16", "127", "135")
 # label faults by the marker set of the takes they are inserted into, see `with_faults`

@@ -33,6 +33,7 @@ class PersonFault(StrEnum):
     CUT_OFF = "body cut off"
     APART = "cameras do not agree"
     ANGLE = "angle between cameras"
+    OTHERS = "somebody else in view"
 
 
 # faults that the pictures of a single camera show, calibrated or not

@@ -28,6 +28,7 @@ class PersonLimits:
     dark: float = 40.0  # median grey level of the person
     angles_deg: tuple[float, float] = (40.0, 140.0)  # between two cameras, seen from the person
     fewest: int = 10  # moments
+    others: int = 2  # pictures of a camera that show somebody else
 
 
 _LIMITS = PersonLimits()
@@ -73,6 +74,23 @@ def check_person(rig: CameraRig, points: MarkerSet, moments: Iterable[tuple[Imag
     names = [camera.name for camera in rig.cameras]
     found = [fault for index, seen in enumerate(sights) for fault in _camera_faults(camera_title(index, names), seen)]
     return found or _rig_faults(rig, frames)
+
+
+def check_others(rig: CameraRig, middles_px: Sequence[Array]) -> list[Finding]:
+    """Return a finding for each camera that shows somebody else; furniture is taken for a person once at most.
+
+    Args:
+        rig: Calibrated cameras.
+        middles_px: For each camera, the positions (N, 2) of others in the pictures that show any.
+    """
+    names = [camera.name for camera in rig.cameras]
+    found = []
+    for index, middles in enumerate(middles_px):
+        if len(middles) >= _LIMITS.others:
+            title, (x, y) = camera_title(index, names), np.median(middles, axis=0).tolist()
+            text = f"{title} shows somebody else: ask them to leave the picture, or they may be followed in your place"
+            found.append(Finding(PersonFault.OTHERS, title, text, ((index, x, y),)))
+    return found
 
 
 def _sight(image: Image, rows: FloatArray, parts: Sequence[Array]) -> _Sight:

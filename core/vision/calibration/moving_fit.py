@@ -7,7 +7,7 @@ import numpy as np
 
 from ...errors import CalibrationError
 from ...geometry.arrays import Array, Mask, median_of_known
-from ...geometry.camera import Camera
+from ...geometry.camera import Camera, CameraRig
 from ...geometry.lens_check import lens_fault
 from ...geometry.triangulation import triangulate
 from .moving_targets import MovingTarget
@@ -36,6 +36,26 @@ _AGAIN = "move for longer and through the whole room, or calibrate the lenses wi
 def usual_camera(name: str, image_size: tuple[int, int]) -> Camera:
     """Return a camera with the lens of an ordinary webcam or phone."""
     return _with_focal(Camera(name, image_size, np.eye(3)), _S.usual_focal)
+
+
+def cameras_with_lenses(
+    names: Sequence[str], sizes: Sequence[tuple[int, int]], lenses: CameraRig | None
+) -> tuple[list[Camera], Mask]:
+    """Return cameras of these names and image sizes with their lenses, and which lenses (C,) are unknown.
+
+    Args:
+        lenses: Calibration whose lenses the cameras of the same names have; None if no lens is known.
+
+    Raises:
+        CalibrationError: The calibration lacks one of the cameras.
+    """
+    known = {camera.name: camera for camera in lenses.cameras} if lenses else {}
+    for name in names:
+        if lenses and name not in known:
+            what = f"has no lens of {name}, but those of {', '.join(known)}"
+            raise CalibrationError(what, advice="name the cameras alike")
+    cameras = [known.get(name) or usual_camera(name, size) for name, size in zip(names, sizes, strict=True)]
+    return cameras, np.array([name not in known for name in names])
 
 
 def fit_moving(cameras: Sequence[Camera], is_free: Mask, target: MovingTarget) -> PointBundle:

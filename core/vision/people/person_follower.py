@@ -1,11 +1,13 @@
-"""One person, followed through the pictures of one camera."""
+"""One person, followed through the pictures of one camera, and others beside them."""
 
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import islice
 
-from ...geometry.arrays import Image
+import numpy as np
+
+from ...geometry.arrays import Array, Image
 from .body_network import BodyNetwork, Crop, FoundPerson
 
 
@@ -19,6 +21,8 @@ class FollowSettings:
     tries: int = 40  # crops that are searched in each picture
     refinements: int = 3  # largest number of times that a crop is moved to the person just found in it
     kept: float = 0.6  # share of the last crop that is kept, because points tremble with their crop
+    beside: float = 0.1  # margin round a person in which nobody else is looked for, in units of the person's extent
+    sure: float = 0.9  # least score of somebody else: furniture and cloths have up to 0.83
     held: int = 5  # number of pictures in which a lost person is looked for in the same place before the search
 
 
@@ -35,7 +39,7 @@ class PersonFollower:
     """
 
     def __init__(self, network: BodyNetwork, tries: int = _S.tries) -> None:
-        self._network, self._tries = network, tries
+        self.network, self._tries = network, tries
         self._crop: Crop | None = None
         self._lost = 0
         self._search: Iterator[Crop] | None = None
@@ -44,7 +48,7 @@ class PersonFollower:
         """Return the person in the next picture; None if nobody is found."""
         if self._crop is None:
             return self._start(image)
-        found = self._network.find(image, self._crop)
+        found = self.network.find(image, self._crop)
         if found.score < _S.least_score:
             self._lost += 1
             if self._lost > _S.held:
@@ -58,22 +62,40 @@ class PersonFollower:
         tried = 0
         for crop in islice(self._search, self._tries):
             tried += 1
-            if person := self._refined(image, crop):
+            if person := _refined(self.network, image, crop):
                 self._crop, self._lost, self._search = person.crop, 0, None
                 return person
         if tried < self._tries:
             self._search = None
         return None
 
-    def _refined(self, image: Image, crop: Crop) -> FoundPerson | None:
-        """Return the person in a crop, found again in crops of their own; None if nobody is there."""
-        found = None
-        for _ in range(1 + _S.refinements):
-            found = self._network.find(image, crop)
-            if found.score < _S.least_score:
-                return None
-            crop = found.crop
-        return found
+
+def find_other(network: BodyNetwork, image: Image, pixels: Array) -> FoundPerson | None:
+    """Return somebody else in a picture than the person who has these points (K, 2); None if nobody is found."""
+    margin = _S.beside * float(np.ptp(pixels, axis=0).max())
+    low, high = pixels.min(axis=0) - margin, pixels.max(axis=0) + margin
+    (left, top), (right, bottom) = (
+        np.clip(corner, 0, image.shape[1::-1]).astype(int).tolist() for corner in (low, high)
+    )
+    hidden = image.copy()
+    hidden[top:bottom, left:right] = np.median(image, axis=(0, 1))
+    found = [person for crop in _crops(hidden) if (person := _refined(network, hidden, crop))]
+    surest = max(found, key=lambda person: person.score, default=None)
+    if surest is None or surest.score < _S.sure:
+        return None
+    middle = np.median(surest.pixels, axis=0)
+    return surest if np.any((middle < low) | (middle > high)) else None
+
+
+def _refined(network: BodyNetwork, image: Image, crop: Crop) -> FoundPerson | None:
+    """Return the person in a crop, found again in crops of their own; None if nobody is there."""
+    found = None
+    for _ in range(1 + _S.refinements):
+        found = network.find(image, crop)
+        if found.score < _S.least_score:
+            return None
+        crop = found.crop
+    return found
 
 
 def _crops(image: Image) -> Iterator[Crop]:

@@ -19,7 +19,9 @@ _ACROSS = ("shoulder", "hip")
 _NOBODY = "nobody"
 
 
-def draw_person(frame: MarkerFrame, names: Sequence[str], camera: int, picture: Image, image_width: int) -> None:
+def draw_person(
+    frame: MarkerFrame, names: Sequence[str], camera: int, picture: Image, image_width: int, *, placed: bool = True
+) -> None:
     """Draw the followed person into a camera's reduced picture (BGR), in place.
 
     A point is green if another camera sees it in the same place, orange if only this one sees it, and red if it is
@@ -28,6 +30,7 @@ def draw_person(frame: MarkerFrame, names: Sequence[str], camera: int, picture: 
     Args:
         frame: What `PeoplePipeline.process` returned.
         names: Names of the network's points.
+        placed: Whether the cameras are calibrated; if not, all points are orange.
     """
     pixels = frame.detected[camera][:, :2].tolist()
     if not pixels:
@@ -36,6 +39,8 @@ def draw_person(frame: MarkerFrame, names: Sequence[str], camera: int, picture: 
     alone = frame.single_cameras == camera
     meeting = dict(zip(frame.labels.tolist(), frame.point_blobs[:, camera].tolist(), strict=True))
     single = dict(zip(frame.single_labels[alone].tolist(), frame.single_blobs[alone].tolist(), strict=True))
+    if not placed:
+        single = {label: label for label in range(len(names))}
     meeting = {label: row for label, row in meeting.items() if row >= 0 and label not in single}
     places = {
         name: reduced(pixels[meeting.get(label, single.get(label, label))], picture, image_width)

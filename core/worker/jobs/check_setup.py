@@ -18,7 +18,7 @@ import numpy as np
 
 from ...body.calibration_poses import INSTRUCTIONS
 from ...errors import CalibrationError, CaptureError, TakeError
-from ...geometry.arrays import Image
+from ...geometry.arrays import Image, evenly
 from ...geometry.camera import Camera, CameraRig
 from ...geometry.rig_file import save_rig
 from ...markers.floor_from_feet import floor_points
@@ -28,7 +28,7 @@ from ...simulate.practice_studio import FPS, SECONDS, studio_with
 from ...simulate.studio.simulated_performer import SimulatedPerformer
 from ...subjects.setup_check.find_faults import check_pictures, check_setup, has_floor
 from ...subjects.setup_check.finding import Fault, Finding
-from ...subjects.setup_check.person_faults import check_person
+from ...subjects.setup_check.person_faults import check_others, check_person
 from ...vision.blob_preview import cross_out, reduced
 from ...vision.calibration.rig_on_floor import rig_on_floor
 from ...vision.common_space import CommonSpace, common_space
@@ -56,6 +56,8 @@ class CheckSettings:
 
     pose_s: float = 2.0  # duration of the T pose
     person_fps: float = 10.0  # image sets per second in which a person is looked for
+    others_every: int = 5  # number of image sets of which one is kept to look for others in it
+    others_sets: int = 4  # largest number of image sets in which others are looked for
     place: str = "stand where all cameras see you"  # what a person without markers is asked to do
     seed: int = 18  # random seed of the simulated studio with a fault
     ring: tuple[int, int, int] = (60, 170, 255)  # colour of the rings around findings
@@ -116,18 +118,36 @@ def _check_person(request: CheckSetupRequest, channel: Channel) -> tuple[list[Fi
         spaced = _spaced(images, 1.0 / _SETTINGS.person_fps, SECONDS)
         watched = _Watched(spaced, _SETTINGS.person_fps, channel, pose_s=0.0)
         frames: list[MarkerFrame] = []
+        kept: list[tuple[ImageSet, MarkerFrame]] = []
 
         def moments() -> Iterator[tuple[ImageSet, MarkerFrame]]:
             for moment in watched:
                 frames.append(pipeline.process(moment))
                 watched.draw = partial(draw_person, frames[-1], pipeline.points.names)
+                if len(frames) % _SETTINGS.others_every == 1:
+                    kept.append((moment, frames[-1]))
                 yield moment, frames[-1]
 
-        findings = check_person(pipeline.rig, pipeline.points, moments())
+        findings = check_person(pipeline.rig, pipeline.points, moments()) or _others(pipeline, kept, channel)
         rig, facts = (pipeline.rig, {}) if findings else _on_floor(request, pipeline, frames)
         space = common_space(rig) if "floor" in rig.metadata else None
         watched.show(findings, (), rig, space)
     return findings, space, facts
+
+
+def _others(
+    pipeline: PeoplePipeline, moments: Sequence[tuple[ImageSet, MarkerFrame]], channel: Channel
+) -> list[Finding]:
+    """Return findings for cameras that show somebody besides the person."""
+    found = []
+    for number in evenly(len(moments), _SETTINGS.others_sets).tolist():
+        images, frame = moments[number]
+        if channel.stop_requested.is_set():
+            raise Stopped
+        channel.send_status("looking for others in the pictures", number / len(moments))
+        found.append(pipeline.others(images, frame))
+    middles = [[np.median(each, axis=0) for each in seen if each is not None] for seen in zip(*found, strict=True)]
+    return check_others(pipeline.rig, [np.reshape(each, (-1, 2)) for each in middles])
 
 
 def _on_floor(

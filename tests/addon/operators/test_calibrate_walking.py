@@ -7,7 +7,7 @@ from typing import Any
 import bpy
 import pytest
 from clicked import run_job
-from perfanim.core.geometry.rig_file import load_rig, save_rig
+from perfanim.core.geometry.rig_file import load_rig, rig_tables, save_rig
 from perfanim.core.simulate.studio.studio_rig import default_rig
 from perfanim.core.vision.people.network_file import body_network_file
 
@@ -40,10 +40,26 @@ def test_the_guide_offers_it_for_recordings_of_a_person(part: Any, recorded: Any
     steps = part("settings.guide_steps")
     (step,) = [each for each in steps.steps(recorded) if each.title == "Calibrate"]
     assert step.operator(recorded) == "calibrate_walking" and "height" in step.text(recorded)
-    recorded.source = "CAMERAS"
+    recorded.source = "SIMULATED"
     assert step.operator(recorded) == "calibrate_board"
     missing = part("operators.camera_operators").PERFANIM_OT_calibrate_walking.missing_input(bpy.context)
-    assert missing.startswith("Needs videos or image folders")
+    assert missing.startswith("Needs cameras, videos or image folders")
+
+
+def test_two_live_cameras_are_recorded_and_calibrated(part: Any, recorded: Any, tmp_path: Path) -> None:
+    operator = part("operators.camera_operators").PERFANIM_OT_calibrate_walking
+    (step,) = [each for each in part("settings.guide_steps").steps(recorded) if each.title == "Calibrate"]
+    recorded.source, recorded.left_device, recorded.right_device = "CAMERAS", 0, 1
+    assert step.operator(recorded) == "calibrate_walking" and "click, then walk about" in step.text(recorded)
+    asked = operator.request(SimpleNamespace(), bpy.context)
+    assert asked.job == "record walk" and asked.source.devices == (0, 1) and asked.height_m == pytest.approx(1.8)
+    assert [camera.name for camera in asked.rig.cameras] == ["left", "right"]  # the board's lenses
+    summary = {"rig": rig_tables(default_rig()), "verdict": "good", "stereo_rms_px": 1.0}
+    assert operator.on_result(SimpleNamespace(), bpy.context, summary) == "good: 1.00 px"
+    assert Path(recorded.calibration).name == "cameras-by-walking.toml" and len(load_rig(recorded.calibration)) == 2
+    recorded.right_device = -1  # none
+    assert operator.missing_input(bpy.context).startswith("Needs two cameras")
+    assert step.operator(recorded) == "calibrate_board"
 
 
 @pytest.mark.long

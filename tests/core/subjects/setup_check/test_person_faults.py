@@ -9,7 +9,7 @@ from perfanim.core.errors import CaptureError
 from perfanim.core.geometry.camera import CameraRig
 from perfanim.core.simulate.studio.studio_rig import default_rig
 from perfanim.core.subjects.setup_check.finding import PersonFault
-from perfanim.core.subjects.setup_check.person_faults import check_person
+from perfanim.core.subjects.setup_check.person_faults import check_others, check_person
 from perfanim.core.vision.people.people_pipeline import PeoplePipeline
 
 COUNT = 20
@@ -110,3 +110,12 @@ def test_cameras_that_see_different_places_are_told(points_m):
 def test_too_few_pictures_are_refused(rig, points_m):
     with pytest.raises(CaptureError, match="3 moments are too few for a check"):
         found(rig, networks(rig, middle(points_m)), count=3)
+
+
+def test_somebody_else_is_told_if_two_pictures_show_them(rig):
+    once, twice = np.array([[50.0, 60.0]]), np.array([[500.0, 200.0], [504.0, 202.0]])
+    assert check_others(rig, [once, np.empty((0, 2))]) == []
+    (finding,) = check_others(rig, [once, twice])
+    assert (finding.fault, finding.where) == (PersonFault.OTHERS, "the right camera")
+    assert finding.text.startswith("the right camera shows somebody else: ask them to leave the picture")
+    assert finding.places == ((1, 502.0, 201.0),)

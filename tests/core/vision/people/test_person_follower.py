@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from filmed_people import POINTS, FakeNetwork, picture
-from perfanim.core.vision.people.person_follower import PersonFollower
+from perfanim.core.vision.people.person_follower import PersonFollower, find_other
 
 PERSON = np.random.default_rng(0).uniform((-40.0, -90.0), (40.0, 90.0), (len(POINTS), 2))
 
@@ -53,3 +53,16 @@ def test_nobody_is_found_in_pictures_without_a_person():
     follower = PersonFollower(network, tries=10)
     assert [follower.step(picture(n)) for n in range(50)] == [None] * 50
     assert 300 < network.calls <= 500  # the search begins anew when it has been everywhere
+
+
+def test_somebody_else_is_found_beside_the_person():
+    """The network knows one of the two: the person who is not followed, or only the one who is."""
+    own, other = PERSON + np.array((150, 240)), PERSON + np.array((500, 200))
+    found = find_other(FakeNetwork({0: other}), picture(0), own)
+    np.testing.assert_allclose(found.pixels, other)
+    assert find_other(FakeNetwork({0: own}), picture(0), own) is None
+
+
+def test_furniture_is_not_somebody_else():
+    network = FakeNetwork({0: PERSON + np.array((500, 200))}, score=0.83)
+    assert find_other(network, picture(0), PERSON + np.array((150, 240))) is None

@@ -13,7 +13,7 @@ from perfanim.core.errors import CaptureError
 from perfanim.core.geometry.camera import WORLD_FROM_CAMERA, CameraRig
 from perfanim.core.geometry.rig_file import load_rig
 from perfanim.core.simulate.studio.studio_rig import default_rig
-from perfanim.core.vision.people.network_file import NETWORK_FILE
+from perfanim.core.vision.people.network_file import NETWORK_FILE, body_network_file
 from perfanim.core.vision.people.people_pipeline import APART
 from perfanim.core.vision.sources.source_requests import ImageFiles, VideoFiles
 from perfanim.core.worker.jobs import camera_frames, check_setup, person_pipeline
@@ -179,3 +179,23 @@ def test_the_check_draws_the_person_and_names_the_fault(nets, pictures, monkeypa
     nets[0].pixels.clear()
     (result,) = run(check_setup, CheckSetupRequest(**asked)).results
     assert [row["fault"] for row in result["findings"]] == ["nobody in view", "too dark"]
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("films", "faults"), [((1, 2), ["somebody else in view"]), ((0, 3), [])])
+def test_the_check_tells_of_somebody_who_stands_behind_the_man_on_the_beam(shared_dir, films, faults):
+    """A woman behind him is in the second camera's pictures, at the edge of the first's, and not in the others'."""
+    if not body_network_file().is_file():
+        pytest.skip("the body network is not here: perfanim network get")
+    folder = shared_dir / "people" / "walk-on-beam"
+    rig = load_rig(folder / "Calib.qca.txt")
+    source = VideoFiles(tuple(str(folder / f"cam0{film + 1}.mp4") for film in films))
+    some = CameraRig(tuple(rig.cameras[film] for film in films), rig.metadata)
+    asked = {"source": source, "rig": some, "people": str(body_network_file()), "marker_set": POINTS.name}
+    sent = run(check_setup, CheckSetupRequest(**asked))
+    (result,) = sent.results
+    assert [row["fault"] for row in result["findings"]] == faults
+    assert "looking for others in the pictures" in sent.said
+    if faults:
+        (((camera, x, y),),) = [row["places"] for row in result["findings"]]
+        assert camera == 0 and 760 < x < 840 and 500 < y < 900
