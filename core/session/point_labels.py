@@ -41,7 +41,7 @@ class PointSettings:
     most_frame: float = 60.0  # cap on a frame's cost over that of the best hypothesis
     independent_s: float = 0.1  # time in which the costs of frames count as those of one frame
     born: int = 2  # most hypotheses that begin in one frame, because each is solved
-    hopeless: float = 10.0  # cost above which a hypothesis is dropped, or not begun
+    hopeless: float = 15.0  # cost above which a hypothesis is dropped, or not begun
     start: float = 3.0  # initial cost of labels found by a search
     followed: float = 10.0  # further cost if they relabel markers that were tracked confidently
     sure: float = 3.0  # cost of all other labels above which the best are certain
