@@ -187,12 +187,7 @@ class LabelCheck:
         )
         # a search that did not find the current labels does not confirm them
         is_found = any(renaming == current for renaming, _, _ in found)
-        # what one pose cannot tell apart, such as ankle and toes, many poses can
-        likely = [
-            self._moved_m(search, labels)
-            for other, (labels, gain, _) in others.items()
-            if min(gain, self._evidence[other]) > _CERTAIN
-        ]
+        likely = [self._moved_m(search, labels) for labels, gain, _ in others.values() if gain > _CERTAIN]
         agrees = any(renaming == current or self._only_adds(renaming) for renaming, _, _ in found)
         self._misplaced_m = max(likely, default=0.0) if agrees else np.inf
         self._confirmed = self._confirmed + is_found * _confirmation(most) if most < _BETTER else 0.0

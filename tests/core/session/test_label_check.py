@@ -107,17 +107,6 @@ def test_uncertain_labels_lower_the_confidence_by_how_far_others_move_the_marker
     assert least < check.confidence(frame, SEEN) < most
 
 
-def test_labels_that_are_a_little_less_likely_again_and_again_lower_the_confidence_no_longer() -> None:
-    """A toe and an ankle that no single pose tells apart are told apart by many."""
-    check, frame = check_of(exchange(-0.5, np.arange(4))), frame_at()
-    confidences = []
-    for number in range(12):
-        stepped(check, [1.0 + 0.3 * number], ~SEEN)
-        confidences.append(check.confidence(frame, SEEN))
-    assert confidences[0] < 0.4
-    assert confidences[-1] == 1.0
-
-
 def test_points_of_markers_that_one_camera_sees_are_no_strays() -> None:
     """Pictures that are not of one moment place no marker, but show all."""
     check, frame = judged(Search((np.arange(4), 0.0), (EXCHANGED, -30.0)))[0], frame_at()
