@@ -24,7 +24,7 @@ export OPENBLAS_NUM_THREADS ?= 1
 unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test long-test check bpy-test window-test extras-test kernel kernel-test docs pictures extension release coverage mutation \
+.PHONY: help demo test long-test check bpy-test window-test extras-test kernel docs extension release coverage mutation \
 	bench-priors train-prior soak fuzz operator-fuzz clean
 
 help: ## list the targets
@@ -60,34 +60,29 @@ bpy-test-%:
 	$(MAKE) .venv-bpy-$*/.installed && .venv-bpy-$*/bin/python -m pytest tests/addon -n auto --dist loadfile
 
 MARK ?= not benchmark and not walkthrough
-window-test: $(STAMP) ## the add-on in a window (BLENDER=COMMAND that starts one), or WINDOWS=2; MARK=walkthrough|benchmark
-	$(BIN)/python -m pytest tests/window -m '$(MARK)' $(if $(WINDOWS),-n $(WINDOWS) --dist loadfile --no-loadscope-reorder)
+window-test: $(STAMP) ## the add-on in a window (BLENDER=COMMAND that starts one), or WINDOWS=2; MARK=walkthrough|benchmark|pictures
+	$(if $(filter pictures,$(MARK)),PERFANIM_KEEP_PICTURES=1) $(BIN)/python -m pytest tests/window -m '$(MARK)' $(if $(WINDOWS),-n $(WINDOWS) --dist loadfile --no-loadscope-reorder)
 
-extras-test: .venv-gplvm/.installed .venv-prior/.installed .venv-fuzz/.installed ## GPLVM, training of the prior, guided fuzzing
+EXTRAS := gplvm prior fuzz kernel
+KERNEL := PERFANIM_KERNEL=$(CURDIR)/out/kernel
+# Zig has no address sanitizer, so the second kernel is built by the system's C compiler.
+extras-test: $(STAMP) $(EXTRAS:%=.venv-%/.installed) ## GPLVM, training of the prior, guided fuzzing, the kernel (Linux, x86-64)
 	.venv-gplvm/bin/python -m pytest tests/gplvm
 	.venv-prior/bin/python -m pytest tests/prior
 	.venv-fuzz/bin/python -m pytest tests/fuzz_guided
-
-KERNEL := PERFANIM_KERNEL=$(CURDIR)/out/kernel
-kernel: .venv-kernel/.installed ## the compiled kernel for all platforms, or PLATFORM=linux-x64|linux-arm64|windows-x64|...
-	.venv-kernel/bin/python tools/build_kernel.py $(if $(PLATFORM),--platform $(PLATFORM))
-
-# Zig has no address sanitizer, so the second library is built by the system's C compiler.
-kernel-test: $(STAMP) .venv-kernel/.installed ## kernel and NumPy give the same, also under sanitizers (Linux, x86-64)
 	.venv-kernel/bin/python tools/build_kernel.py --platform linux-x64 --out out/kernel
 	$(KERNEL) $(BIN)/python -m pytest tests/kernel
 	.venv-kernel/bin/python tools/build_kernel.py --platform linux-x64 --out out/kernel --sanitize
 	$(KERNEL) LD_PRELOAD=$$(cc -print-file-name=libasan.so) ASAN_OPTIONS=detect_leaks=0 $(BIN)/python -m pytest tests/kernel
+
+kernel: .venv-kernel/.installed ## the compiled kernel for all platforms, or PLATFORM=linux-x64|linux-arm64|windows-x64|...
+	.venv-kernel/bin/python tools/build_kernel.py $(if $(PLATFORM),--platform $(PLATFORM))
 
 docs: $(STAMP) .venv-docs/.installed ## the manual in out/docs; a warning or a wrong command is an error
 	$(BIN)/python tools/make_drawings.py
 	$(BIN)/python -m pytest docs -n 2
 	rm -rf out/docs # pages made from the code are not seen to be old
 	.venv-docs/bin/python -m sphinx --fail-on-warning --keep-going --quiet -b html docs out/docs
-
-pictures: export PERFANIM_KEEP_PICTURES := 1
-pictures: $(STAMP) ## the README's pictures, in a window (BLENDER=COMMAND)
-	$(BIN)/python -m pytest tests/window -m pictures
 
 extension: $(STAMP) ## the extension's archives in dist; PLATFORM=linux-x64|windows-x64|macos-arm64|macos-x64 for one
 	$(BIN)/python tools/build_extension.py --out dist $(if $(PLATFORM),--platform $(PLATFORM))

@@ -1,4 +1,4 @@
-"""The library must be there: `make kernel-test` builds it. The same database as in the tests of the core."""
+"""The library must be there: `make extras-test` builds it. The same database as in the tests of the core."""
 
 import pytest
 from hypothesis import HealthCheck, settings

@@ -1,6 +1,6 @@
 """The first hour: a new Blender to a moving character, and the guide through all steps on simulated cameras.
 
-`make pictures` keeps pictures of it in docs/pictures; otherwise they lie in out/window.
+`make window-test MARK=pictures` keeps pictures of it in docs/pictures; otherwise they lie in out/window.
 """
 
 import os

@@ -77,7 +77,9 @@ def check_person(rig: CameraRig, points: MarkerSet, moments: Iterable[tuple[Imag
 
 
 def check_others(rig: CameraRig, middles_px: Sequence[Array]) -> list[Finding]:
-    """Return a finding for each camera that shows somebody else; furniture is taken for a person once at most.
+    """Return a finding for each camera that shows somebody else in several pictures.
+
+    In a single one, things are sometimes taken for a person.
 
     Args:
         rig: Calibrated cameras.
