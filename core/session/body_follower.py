@@ -90,10 +90,14 @@ class BodyFollower:
             carried_m[slow] = (worn_m + elapsed_s * self._velocities_m_s)[slow]
         return Carried(carried_m, self._nearness)
 
+    def closest_m(self, observation: Observation) -> float:
+        """Return the distance of markers from the closest example, whatever the motion before."""
+        fresh = replace(self._solver.initial_state, root=self.state.root, markers_m=self.state.markers_m)
+        return self._solver.closest_m(fresh, observation)
+
     def _nearness(self, given_m: Array, corrected_m: Array) -> float:
         """Return the distance of markers (M, 3) from the closest example, relative to that of others."""
-        fresh = replace(self._solver.initial_state, root=self.state.root, markers_m=self.state.markers_m)
-        own_m, other_m = (self._solver.closest_m(fresh, Observation.of_points(each)) for each in (given_m, corrected_m))
+        own_m, other_m = (self.closest_m(Observation.of_points(each)) for each in (given_m, corrected_m))
         return own_m / max(other_m, 1e-9)
 
     def _note_markers(self, observation: Observation, elapsed_s: float) -> None:

@@ -141,7 +141,7 @@ class Hypotheses(Generic[H]):
         self.found = found
         lineage = found[0].lineage if found else None
         self.changed = found[0].begun if found and lineage is not self._lineage else None
-        self.labellings += self.changed is not None
+        self.labellings += self.changed not in (None, NoteKind.NEARER_EXAMPLE)
         self._lineage = lineage
         return self.best
 

@@ -44,7 +44,7 @@ class PointSettings:
     hopeless: float = 15.0  # cost above which a hypothesis is dropped, or not begun
     start: float = 3.0  # initial cost of labels found by a search
     followed: float = 10.0  # further cost if they relabel markers that were tracked confidently
-    sure: float = 3.0  # cost of all other labels above which the best are certain
+    sure: float = 2.0  # cost of all other labels above which the best are certain
     pause_s: float = 0.05  # shortest time between two searches
     rare_s: float = 1.0  # time between searches while labels are certain and fit
     enough: float = 0.6  # share of the markers that must be located for a search
@@ -52,7 +52,7 @@ class PointSettings:
     strays: int = 2  # number of unlabelled points, with as many hidden markers, that makes labels suspect
     torso: int = 2  # fewest located torso markers of labels that are not suspect
     uncertain: float = 0.3  # smallest factor by which uncertain labels scale a pose's confidence
-    misplaced_m: float = 0.1  # scale on which the factor falls with the RMS distance from markers with other labels
+    misplaced_m: float = 0.1  # scale on which the factor falls with the largest distance from a marker with other labels
 
 
 _S = PointSettings()
@@ -108,7 +108,8 @@ class PointLabels:
 
     def _judge_anew(self, lineage: object) -> None:
         """Forget how certain labels are, for those of another hypothesis."""
-        self._judged, self._is_certain = lineage, False
+        self._judged, self._misplaced_m = lineage, np.inf
+        self._rivals: list[PointHypothesis] = []
         self._searched: _Searched | None = None
         self._searched_s = -np.inf
 
@@ -137,7 +138,9 @@ class PointLabels:
             if tracked.solution is None:
                 return None
             self._judge_anew(begun.lineage)
-            self._is_certain = all(cost - start.cost > _S.sure for _, cost in start.alternatives)
+            likely = [labels for labels, cost in start.alternatives if cost - start.cost <= _S.sure]
+            named = [self._by_marker(search.points_m, each) for each in (start.labels, *likely)]
+            self._misplaced_m = max((_moved_m(named[0], other_m) for other_m in named[1:]), default=0.0)
         return begun
 
     def continued(
@@ -174,12 +177,18 @@ class PointLabels:
         if solution is None or is_labelled(frame):
             return []
         if best.lineage is not self._judged:
-            was_certain = self._is_certain
+            moved_m = self._misplaced_m
             self._judge_anew(best.lineage)
-            self._is_certain = was_certain and best.begun is NoteKind.LABELLED_MORE
+            if best.begun is not NoteKind.RELABELLED:
+                self._misplaced_m = moved_m
+        for rival in self._rivals:
+            if rival.cost > _S.hopeless:  # the motion has refuted it
+                apart_m = best.tracked.observation.points_m - rival.tracked.observation.points_m
+                best.labeller.confirm(np.linalg.norm(apart_m, axis=1) > SETTINGS.same_m)
+        self._rivals = [rival for rival in self._rivals if rival in hypotheses]
         suspect = self._is_suspect(best.tracked, solution, frame)
         others_cost = min((each.cost for each in hypotheses[1:]), default=np.inf)
-        calm = self._is_certain and not suspect and others_cost > _S.sure
+        calm = self._misplaced_m == 0.0 and not suspect and others_cost > _S.start + _S.sure
         if calm:
             best.labeller.confirm(best.tracked.observation.located)
         if self._searched is not None:
@@ -191,7 +200,9 @@ class PointLabels:
         if not self._searched.search.advance(WORK_UNHURRIED if calm else WORK):
             return []
         searched, self._searched = self._searched, None
-        return self._born(searched, hypotheses, frame)
+        born = self._born(searched, hypotheses, frame)
+        self._rivals += born
+        return born
 
     def confidence(self, hypotheses: Sequence[PointHypothesis], frame: MarkerFrame) -> float:
         """Return the factor by which uncertain labels lower a pose's confidence.
@@ -202,14 +213,11 @@ class PointLabels:
         tracked = hypotheses[0].tracked
         if _strays(frame, tracked) >= _S.strays:
             return _S.uncertain
-        moved_m = [
-            _moved_m(tracked.observation.points_m, each.tracked.observation.points_m)
-            for each in hypotheses[1:]
-            if each.cost <= _S.sure
-        ]
-        if not moved_m:
-            return 1.0 if self._is_certain else _S.uncertain
-        return float(_S.uncertain + (1.0 - _S.uncertain) * np.exp(-((max(moved_m) / _S.misplaced_m) ** 2)))
+        moved_m = self._misplaced_m
+        for each in hypotheses[1:]:
+            if each.cost <= _S.start + _S.sure:
+                moved_m = max(moved_m, _moved_m(tracked.observation.points_m, each.tracked.observation.points_m))
+        return float(_S.uncertain + (1.0 - _S.uncertain) * np.exp(-((moved_m / _S.misplaced_m) ** 2)))
 
     def label_initially(self, points_m: Array) -> InitialLabels | None:
         """Return labels of points (N, 3) without history, or None if the points do not look like a body."""
@@ -244,29 +252,45 @@ class PointLabels:
     def _born(
         self, searched: _Searched, hypotheses: Sequence[PointHypothesis], frame: MarkerFrame
     ) -> list[PointHypothesis]:
-        """Return hypotheses with the labels that a search has found; note whether the best one's are certain."""
+        """Return hypotheses with the labels that a search has found; note how far likely ones would move the markers."""
         best = hypotheses[0]
+        fresh = self._strangeness(best.tracked, best.follower.closest_m(best.tracked.observation))
+        # the body may have lost its way with the right labels
+        renewed = min(fresh - self._strangeness(best.tracked) + _S.start, 0.0)
         born: list[PointHypothesis] = []
-        likeliest = np.inf
+        self._misplaced_m = 0.0
         for labels, found_cost in searched.search.labellings():
-            differs, contradicts = _differences(searched, self._by_marker(searched.search.points_m, labels))
-            if not differs:
+            other_m = self._by_marker(searched.search.points_m, labels)
+            differs, contradicts = _differences(searched, other_m)
+            if not differs and not renewed:
                 continue
-            cost = found_cost - searched.cost + _S.start + _S.followed * contradicts
-            likeliest = min(likeliest, cost)
-            if cost > _S.hopeless or len(born) >= _S.born:
-                continue
-            other = self._begun(*searched.search.carry(labels), contradicts, best, frame)
-            if other is not None:
-                other.cost = cost  # without history, the likelihood of this frame cannot be compared
+            cost = found_cost - searched.cost + _S.followed * contradicts if differs else 0.0
+            if cost + _S.start <= _S.hopeless and len(born) < _S.born:
+                other = self._begun(*searched.search.carry(labels), contradicts, best, frame, not differs)
+                if other is None:
+                    continue
+                if differs:  # without history, nothing else of this frame can be compared
+                    cost += self._strangeness(other.tracked) - fresh
+                other.cost = renewed + cost + (_S.start if differs else 0.0)
                 born.append(other)
-        self._is_certain = likeliest > _S.sure
+            elif cost <= _S.sure:
+                self._misplaced_m = max(self._misplaced_m, _moved_m(searched.observed_m, other_m))
         return born
 
     def _begun(
-        self, labeller: Labeller, labels: IntArray, contradicts: bool, best: PointHypothesis, frame: MarkerFrame
+        self,
+        labeller: Labeller,
+        labels: IntArray,
+        contradicts: bool,
+        best: PointHypothesis,
+        frame: MarkerFrame,
+        renews: bool,
     ) -> PointHypothesis | None:
-        """Return a hypothesis with labels (N,) of a frame, or None if they are those of the best hypothesis."""
+        """Return a hypothesis with labels (N,) of a frame, or None if they are those of the best hypothesis.
+
+        Args:
+            renews: Return a new body with the same labels in place of None.
+        """
         observed_m = best.tracked.observation.points_m
         is_confident = best.labeller.is_confident & (not contradicts)
         points, markers = np.nonzero(_is_near(frame.points_m, observed_m))
@@ -275,10 +299,10 @@ class PointLabels:
         # a point that the search left unlabelled keeps its current label, which is newer
         kept = is_confident[markers] | ((labels[points] < 0) & ~np.isin(markers, labels))
         labels[points[kept]] = markers[kept]
-        is_same = labels[points] == markers
-        if is_same.all() and np.sum(labels >= 0) == len(points):
+        is_same = len(points) > 0 and bool(np.all(labels[points] == markers))
+        adds = is_same and int(np.sum(labels >= 0)) > len(points)
+        if is_same and not (adds or renews):
             return None
-        adds = bool(is_same.all() and len(points))
         labeller.begin(frame.points_m, labels, is_confident)
         other_m = self._by_marker(frame.points_m, labels)
         moved = np.linalg.norm(other_m - observed_m, axis=1)[self._torso]
@@ -291,7 +315,9 @@ class PointLabels:
         tracked = follower.begin(Observation.of_points(other_m), frame.time_s)
         if tracked.solution is None:
             return None
-        note = NoteKind.LABELLED_MORE if adds else NoteKind.RELABELLED
+        note = NoteKind.RELABELLED
+        if is_same:
+            note = NoteKind.LABELLED_MORE if adds else NoteKind.NEARER_EXAMPLE
         return PointHypothesis(follower.state, tracked, note, 0.0, object(), labeller, follower)
 
     def _is_suspect(self, tracked: Tracked, solution: Solution, frame: MarkerFrame) -> bool:
@@ -311,9 +337,15 @@ class PointLabels:
         if tracked.solution is None:
             return _S.nothing * min(len(frame.points_m), len(self._torso))
         observed_m, markers_m = tracked.observation.points_m, tracked.solution.markers_m
-        cost = self.label_cost(len(frame.points_m), observed_m, markers_m, _moved_m(observed_m, markers_m))
+        cost = self.label_cost(len(frame.points_m), observed_m, markers_m, _rms_m(observed_m, markers_m))
+        return cost + self._strangeness(tracked)
+
+    def _strangeness(self, tracked: Tracked, nearest_m: float | None = None) -> float:
+        """Return the negative log likelihood of located markers at this distance from the closest example."""
         located = int(np.count_nonzero(tracked.observation.located))
-        return cost + located * math.log(math.hypot(tracked.solution.nearest_m, _S.near_m)) if located else cost
+        if nearest_m is None:
+            nearest_m = tracked.solution.nearest_m if tracked.solution else 0.0
+        return located * math.log(math.hypot(nearest_m, _S.near_m)) if located else 0.0
 
     # ---- labels of a frame
 
@@ -374,6 +406,12 @@ def _is_near(points_m: Array, others_m: Array) -> Mask:
 
 
 def _moved_m(points_m: Array, others_m: Array) -> float:
+    """Return the largest distance of the markers (M, 3) that both have; infinity for none."""
+    apart_m = np.linalg.norm(points_m - others_m, axis=1)
+    return float(np.nanmax(apart_m)) if np.isfinite(apart_m).any() else np.inf
+
+
+def _rms_m(points_m: Array, others_m: Array) -> float:
     """Return the RMS distance of the markers (M, 3) that both have; infinity for none."""
     squares = np.sum((points_m - others_m) ** 2, axis=1)
     known = squares[np.isfinite(squares)]

@@ -22,7 +22,7 @@ def hypothesis(observation: Observation, cost: float = 0.0) -> PointHypothesis:
 def certain() -> Any:
     """Return labels that the last search has found certain; no body is needed to tell how certain they are."""
     labels = PointLabels.__new__(PointLabels)
-    labels._is_certain = True
+    labels._misplaced_m = 0.0
     return labels
 
 
