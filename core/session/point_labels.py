@@ -44,7 +44,7 @@ class PointSettings:
     hopeless: float = 15.0  # cost above which a hypothesis is dropped, or not begun
     start: float = 3.0  # initial cost of labels found by a search
     followed: float = 10.0  # further cost if they relabel markers that were tracked confidently
-    sure: float = 2.0  # cost of all other labels above which the best are certain
+    sure: float = 2.0  # evidence against all other labels above which the best are certain
     pause_s: float = 0.05  # shortest time between two searches
     rare_s: float = 1.0  # time between searches while labels are certain and fit
     enough: float = 0.6  # share of the markers that must be located for a search
@@ -52,7 +52,7 @@ class PointSettings:
     strays: int = 2  # number of unlabelled points, with as many hidden markers, that makes labels suspect
     torso: int = 2  # fewest located torso markers of labels that are not suspect
     uncertain: float = 0.3  # smallest factor by which uncertain labels scale a pose's confidence
-    misplaced_m: float = 0.1  # scale on which the factor falls with the largest distance from a marker with other labels
+    misplaced_m: float = 0.1  # scale on which it falls with the largest distance from a marker with other labels
 
 
 _S = PointSettings()
@@ -181,11 +181,7 @@ class PointLabels:
             self._judge_anew(best.lineage)
             if best.begun is not NoteKind.RELABELLED:
                 self._misplaced_m = moved_m
-        for rival in self._rivals:
-            if rival.cost > _S.hopeless:  # the motion has refuted it
-                apart_m = best.tracked.observation.points_m - rival.tracked.observation.points_m
-                best.labeller.confirm(np.linalg.norm(apart_m, axis=1) > SETTINGS.same_m)
-        self._rivals = [rival for rival in self._rivals if rival in hypotheses]
+        self._confirm_refuted(hypotheses)
         suspect = self._is_suspect(best.tracked, solution, frame)
         others_cost = min((each.cost for each in hypotheses[1:]), default=np.inf)
         calm = self._misplaced_m == 0.0 and not suspect and others_cost > _S.start + _S.sure
@@ -240,6 +236,15 @@ class PointLabels:
 
     # ---- searches for other labels
 
+    def _confirm_refuted(self, hypotheses: Sequence[PointHypothesis]) -> None:
+        """Treat the best labels as certain where they differ from labels that the motion has refuted."""
+        best = hypotheses[0]
+        for rival in self._rivals:
+            if rival.cost > _S.hopeless:
+                apart_m = best.tracked.observation.points_m - rival.tracked.observation.points_m
+                best.labeller.confirm(np.linalg.norm(apart_m, axis=1) > SETTINGS.same_m)
+        self._rivals = [rival for rival in self._rivals if rival in hypotheses]
+
     def _begin_search(self, best: PointHypothesis, frame: MarkerFrame) -> None:
         if len(frame.points_m) < _S.enough * len(self._torso) or best.tracked.solution is None:
             return
@@ -252,7 +257,7 @@ class PointLabels:
     def _born(
         self, searched: _Searched, hypotheses: Sequence[PointHypothesis], frame: MarkerFrame
     ) -> list[PointHypothesis]:
-        """Return hypotheses with the labels that a search has found; note how far likely ones would move the markers."""
+        """Return hypotheses with labels that a search has found; note how far other likely ones move the markers."""
         best = hypotheses[0]
         fresh = self._strangeness(best.tracked, best.follower.closest_m(best.tracked.observation))
         # the body may have lost its way with the right labels
@@ -345,7 +350,8 @@ class PointLabels:
         located = int(np.count_nonzero(tracked.observation.located))
         if nearest_m is None:
             nearest_m = tracked.solution.nearest_m if tracked.solution else 0.0
-        return located * math.log(math.hypot(nearest_m, _S.near_m)) if located else 0.0
+        likely_m = min(nearest_m, self._limits.familiar_m) if located else 0.0
+        return located * math.log(math.hypot(likely_m, _S.near_m))
 
     # ---- labels of a frame
 
