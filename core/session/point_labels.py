@@ -109,7 +109,7 @@ class PointLabels:
     def _judge_anew(self, lineage: object) -> None:
         """Forget how certain labels are, for those of another hypothesis."""
         self._judged, self._misplaced_m = lineage, np.inf
-        self._rivals: list[PointHypothesis] = []
+        self._alternatives: list[PointHypothesis] = []
         self._searched: _Searched | None = None
         self._searched_s = -np.inf
 
@@ -197,7 +197,7 @@ class PointLabels:
             return []
         searched, self._searched = self._searched, None
         born = self._born(searched, hypotheses, frame)
-        self._rivals += born
+        self._alternatives += born
         return born
 
     def confidence(self, hypotheses: Sequence[PointHypothesis], frame: MarkerFrame) -> float:
@@ -239,11 +239,11 @@ class PointLabels:
     def _confirm_refuted(self, hypotheses: Sequence[PointHypothesis]) -> None:
         """Treat the best labels as certain where they differ from labels that the motion has refuted."""
         best = hypotheses[0]
-        for rival in self._rivals:
-            if rival.cost > _S.hopeless:
-                apart_m = best.tracked.observation.points_m - rival.tracked.observation.points_m
+        for other in self._alternatives:
+            if other.cost > _S.hopeless:
+                apart_m = best.tracked.observation.points_m - other.tracked.observation.points_m
                 best.labeller.confirm(np.linalg.norm(apart_m, axis=1) > SETTINGS.same_m)
-        self._rivals = [rival for rival in self._rivals if rival in hypotheses]
+        self._alternatives = [other for other in self._alternatives if other in hypotheses]
 
     def _begin_search(self, best: PointHypothesis, frame: MarkerFrame) -> None:
         if len(frame.points_m) < _S.enough * len(self._torso) or best.tracked.solution is None:
@@ -259,9 +259,9 @@ class PointLabels:
     ) -> list[PointHypothesis]:
         """Return hypotheses with labels that a search has found; note how far other likely ones move the markers."""
         best = hypotheses[0]
-        fresh = self._strangeness(best.tracked, best.follower.closest_m(best.tracked.observation))
+        fresh = self._example_cost(best.tracked, best.follower.closest_m(best.tracked.observation))
         # the body may have lost its way with the right labels
-        renewed = min(fresh - self._strangeness(best.tracked) + _S.start, 0.0)
+        renewed = min(fresh - self._example_cost(best.tracked) + _S.start, 0.0)
         born: list[PointHypothesis] = []
         self._misplaced_m = 0.0
         for labels, found_cost in searched.search.labellings():
@@ -275,7 +275,7 @@ class PointLabels:
                 if other is None:
                     continue
                 if differs:  # without history, nothing else of this frame can be compared
-                    cost += self._strangeness(other.tracked) - fresh
+                    cost += self._example_cost(other.tracked) - fresh
                 other.cost = renewed + cost + (_S.start if differs else 0.0)
                 born.append(other)
             elif cost <= _S.sure:
@@ -343,9 +343,9 @@ class PointLabels:
             return _S.nothing * min(len(frame.points_m), len(self._torso))
         observed_m, markers_m = tracked.observation.points_m, tracked.solution.markers_m
         cost = self.label_cost(len(frame.points_m), observed_m, markers_m, _rms_m(observed_m, markers_m))
-        return cost + self._strangeness(tracked)
+        return cost + self._example_cost(tracked)
 
-    def _strangeness(self, tracked: Tracked, nearest_m: float | None = None) -> float:
+    def _example_cost(self, tracked: Tracked, nearest_m: float | None = None) -> float:
         """Return the negative log likelihood of located markers at this distance from the closest example."""
         located = int(np.count_nonzero(tracked.observation.located))
         if nearest_m is None:

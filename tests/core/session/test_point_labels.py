@@ -70,11 +70,11 @@ def test_labels_that_the_motion_refutes_are_not_proposed_again(above: float, exc
     best, rival = (hypothesis(Observation.of_points(POINTS_M[order])) for order in (np.arange(4), EXCHANGED))
     best.labeller, rival.cost = Confirmed(), PointLabels.hopeless + above
     labels = certain()
-    labels._rivals = [rival]
+    labels._alternatives = [rival]
     labels._confirm_refuted([best] if exchanged else [best, rival])
     if exchanged:
         assert best.labeller.markers == [True, True, False, False]
-    assert labels._rivals == ([] if exchanged else [rival])
+    assert labels._alternatives == ([] if exchanged else [rival])
 
 
 @pytest.mark.parametrize(("nearest_m", "renewed"), [(1.0, True), (None, False)])
