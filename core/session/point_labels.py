@@ -5,17 +5,16 @@ history: soon while there is evidence against them, rarely otherwise. Others tha
 until the motion shows which are right.
 """
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from ..body.pose_notes import NoteKind
-from ..geometry.arrays import Array, IntArray, Mask
+from ..geometry.arrays import Array, Mask
 from ..geometry.camera import Camera
 from ..labelling.initial_labelling import InitialLabeller, InitialLabels
-from ..labelling.label_search import WORK, WORK_ALONE, WORK_UNHURRIED, LabelSearch
+from ..labelling.label_search import WORK_ALONE, LabelSearch
 from ..labelling.labeller import Labeller
 from ..markers.marker_frame import MarkerFrame
 from ..markers.source_noise import SourceNoise
@@ -24,7 +23,8 @@ from ..solver.pose_solver import PoseSolver
 from ..solver.solution import Solution
 from .body_examples import BodyExamples
 from .body_follower import BodyFollower
-from .hypotheses import SETTINGS, Hypothesis, Tracked
+from .hypotheses import Tracked
+from .label_alternatives import HOPELESS, LabelAlternatives, PointHypothesis, by_marker
 from .tracking_quality import assess_fit, tracking_of
 
 
@@ -37,17 +37,8 @@ class PointSettings:
     # RMS distance of the markers from the solved body at which each located marker costs 0.5, and cap on this distance
     fit_m: float = 0.01
     unfit_m: float = 0.03
-    near_m: float = 0.02  # distance from the closest example below which a nearer one makes no difference
     most_frame: float = 60.0  # cap on a frame's cost over that of the best hypothesis
     independent_s: float = 0.1  # time in which the costs of frames count as those of one frame
-    born: int = 2  # most hypotheses that begin in one frame, because each is solved
-    hopeless: float = 15.0  # cost above which a hypothesis is dropped, or not begun
-    start: float = 3.0  # initial cost of labels found by a search
-    followed: float = 10.0  # further cost if they relabel markers that were tracked confidently
-    sure: float = 2.0  # evidence against all other labels above which the best are certain
-    pause_s: float = 0.05  # shortest time between two searches
-    rare_s: float = 1.0  # time between searches while labels are certain and fit
-    enough: float = 0.6  # share of the markers that must be located for a search
     suspect: float = 0.5  # agreement, relative to the share of located markers, below which labels are suspect
     strays: int = 2  # number of unlabelled points, with as many hidden markers, that makes labels suspect
     torso: int = 2  # fewest located torso markers of labels that are not suspect
@@ -58,24 +49,6 @@ class PointSettings:
 _S = PointSettings()
 
 
-@dataclass(eq=False)
-class PointHypothesis(Hypothesis):
-    """Hypothesis about the labels of points."""
-
-    labeller: Labeller
-    follower: BodyFollower
-
-
-@dataclass(frozen=True)
-class _Searched:
-    """Labels at the time at which a search began."""
-
-    search: LabelSearch
-    observed_m: Array  # (M, 3)
-    cost: float
-    is_confident: Mask  # (M,) markers that had been tracked confidently
-
-
 class PointLabels:
     """Finds the labels of points, see `hypotheses.LabelFinder`.
 
@@ -84,7 +57,7 @@ class PointLabels:
         size: Factor of the distances from a single camera at which its source has placed labelled points.
     """
 
-    hopeless = _S.hopeless
+    hopeless = HOPELESS
 
     def __init__(
         self,
@@ -99,19 +72,13 @@ class PointLabels:
         self._source, self._feet, self._torso = source, feet, solver.subject.torso
         self._initial = InitialLabeller(examples.markers_m[:: _S.every], examples.ups[:: _S.every], self._torso)
         self._limits = tracking_of(source)
+        self._alternatives = LabelAlternatives(solver, self._initial, self._limits.familiar_m)
         self.reset()
 
     def reset(self) -> None:
         """Forget the motion so far."""
         self._start: LabelSearch | None = None
-        self._judge_anew(None)
-
-    def _judge_anew(self, lineage: object) -> None:
-        """Forget how certain labels are, for those of another hypothesis."""
-        self._judged, self._misplaced_m = lineage, np.inf
-        self._alternatives: list[PointHypothesis] = []
-        self._searched: _Searched | None = None
-        self._searched_s = -np.inf
+        self._alternatives.judge_anew(None)
 
     def begin(self, frame: MarkerFrame, elapsed_s: float) -> PointHypothesis | None:
         """Return a hypothesis with the labels given by the source, or found without history once a search has ended."""
@@ -129,7 +96,10 @@ class PointLabels:
             if search.found is None:
                 return None
             labeller, labels = search.carry(search.found.labels)
-            observation, start = Observation.of_points(self._by_marker(frame.points_m, labels)), search.found
+            observation, start = (
+                Observation.of_points(by_marker(frame.points_m, labels, len(self._torso))),
+                search.found,
+            )
         follower = BodyFollower(self._solver, self._source, self._feet)
         tracked = follower.step(observation, frame.time_s, elapsed_s, False, start is not None)
         note = None if start is None else NoteKind.LABELLED
@@ -137,10 +107,7 @@ class PointLabels:
         if start is not None:
             if tracked.solution is None:
                 return None
-            self._judge_anew(begun.lineage)
-            likely = [labels for labels, cost in start.alternatives if cost - start.cost <= _S.sure]
-            named = [self._by_marker(search.points_m, each) for each in (start.labels, *likely)]
-            self._misplaced_m = max((_moved_m(named[0], other_m) for other_m in named[1:]), default=0.0)
+            self._alternatives.judge_anew(begun.lineage, start, search.points_m)
         return begun
 
     def continued(
@@ -176,29 +143,8 @@ class PointLabels:
         best, solution = hypotheses[0], hypotheses[0].tracked.solution
         if solution is None or is_labelled(frame):
             return []
-        if best.lineage is not self._judged:
-            moved_m = self._misplaced_m
-            self._judge_anew(best.lineage)
-            if best.begun is not NoteKind.RELABELLED:
-                self._misplaced_m = moved_m
-        self._confirm_refuted(hypotheses)
         suspect = self._is_suspect(best.tracked, solution, frame)
-        others_cost = min((each.cost for each in hypotheses[1:]), default=np.inf)
-        calm = self._misplaced_m == 0.0 and not suspect and others_cost > _S.start + _S.sure
-        if calm:
-            best.labeller.confirm(best.tracked.observation.located)
-        if self._searched is not None:
-            self._searched.search.follow(frame.points_m, elapsed_s)
-        elif frame.time_s - self._searched_s >= (_S.rare_s if calm else _S.pause_s):
-            self._begin_search(best, frame)
-        if self._searched is None or solution.reinitialised:
-            return []
-        if not self._searched.search.advance(WORK_UNHURRIED if calm else WORK):
-            return []
-        searched, self._searched = self._searched, None
-        born = self._born(searched, hypotheses, frame)
-        self._alternatives += born
-        return born
+        return self._alternatives.step(hypotheses, frame, elapsed_s, suspect)
 
     def confidence(self, hypotheses: Sequence[PointHypothesis], frame: MarkerFrame) -> float:
         """Return the factor by which uncertain labels lower a pose's confidence.
@@ -209,10 +155,7 @@ class PointLabels:
         tracked = hypotheses[0].tracked
         if _strays(frame, tracked) >= _S.strays:
             return _S.uncertain
-        moved_m = self._misplaced_m
-        for each in hypotheses[1:]:
-            if each.cost <= _S.start + _S.sure:
-                moved_m = max(moved_m, _moved_m(tracked.observation.points_m, each.tracked.observation.points_m))
+        moved_m = self._alternatives.moved_m(hypotheses)
         return float(_S.uncertain + (1.0 - _S.uncertain) * np.exp(-((moved_m / _S.misplaced_m) ** 2)))
 
     def label_initially(self, points_m: Array) -> InitialLabels | None:
@@ -234,97 +177,6 @@ class PointLabels:
         cost = self._initial.cost(observed_m, markers_m, max(points - located, 0))
         return cost + 0.5 * located * (float(np.fmin(rms_m, _S.unfit_m)) / _S.fit_m) ** 2
 
-    # ---- searches for other labels
-
-    def _confirm_refuted(self, hypotheses: Sequence[PointHypothesis]) -> None:
-        """Treat the best labels as certain where they differ from labels that the motion has refuted."""
-        best = hypotheses[0]
-        for other in self._alternatives:
-            if other.cost > _S.hopeless:
-                apart_m = best.tracked.observation.points_m - other.tracked.observation.points_m
-                best.labeller.confirm(np.linalg.norm(apart_m, axis=1) > SETTINGS.same_m)
-        self._alternatives = [other for other in self._alternatives if other in hypotheses]
-
-    def _begin_search(self, best: PointHypothesis, frame: MarkerFrame) -> None:
-        if len(frame.points_m) < _S.enough * len(self._torso) or best.tracked.solution is None:
-            return
-        observed_m = best.tracked.observation.points_m
-        ghosts = max(len(frame.points_m) - int(np.sum(best.tracked.observation.located)), 0)
-        cost = self._initial.cost(observed_m, best.tracked.solution.markers_m, ghosts)
-        search = LabelSearch(self._initial, frame.points_m, self._torso)
-        self._searched, self._searched_s = _Searched(search, observed_m, cost, best.labeller.is_confident), frame.time_s
-
-    def _born(
-        self, searched: _Searched, hypotheses: Sequence[PointHypothesis], frame: MarkerFrame
-    ) -> list[PointHypothesis]:
-        """Return hypotheses with labels that a search has found; note how far other likely ones move the markers."""
-        best = hypotheses[0]
-        fresh = self._example_cost(best.tracked, best.follower.closest_m(best.tracked.observation))
-        # the body may have lost its way with the right labels
-        renewed = min(fresh - self._example_cost(best.tracked) + _S.start, 0.0)
-        born: list[PointHypothesis] = []
-        self._misplaced_m = 0.0
-        for labels, found_cost in searched.search.labellings():
-            other_m = self._by_marker(searched.search.points_m, labels)
-            differs, contradicts = _differences(searched, other_m)
-            if not differs and not renewed:
-                continue
-            cost = found_cost - searched.cost + _S.followed * contradicts if differs else 0.0
-            if cost + _S.start <= _S.hopeless and len(born) < _S.born:
-                other = self._begun(*searched.search.carry(labels), contradicts, best, frame, not differs)
-                if other is None:
-                    continue
-                if differs:  # without history, nothing else of this frame can be compared
-                    cost += self._example_cost(other.tracked) - fresh
-                other.cost = renewed + cost + (_S.start if differs else 0.0)
-                born.append(other)
-            elif cost <= _S.sure:
-                self._misplaced_m = max(self._misplaced_m, _moved_m(searched.observed_m, other_m))
-        return born
-
-    def _begun(
-        self,
-        labeller: Labeller,
-        labels: IntArray,
-        contradicts: bool,
-        best: PointHypothesis,
-        frame: MarkerFrame,
-        renews: bool,
-    ) -> PointHypothesis | None:
-        """Return a hypothesis with labels (N,) of a frame, or None if they are those of the best hypothesis.
-
-        Args:
-            renews: Return a new body with the same labels in place of None.
-        """
-        observed_m = best.tracked.observation.points_m
-        is_confident = best.labeller.is_confident & (not contradicts)
-        points, markers = np.nonzero(_is_near(frame.points_m, observed_m))
-        labels = labels.copy()
-        labels[np.isin(labels, np.flatnonzero(is_confident))] = -1
-        # a point that the search left unlabelled keeps its current label, which is newer
-        kept = is_confident[markers] | ((labels[points] < 0) & ~np.isin(markers, labels))
-        labels[points[kept]] = markers[kept]
-        is_same = len(points) > 0 and bool(np.all(labels[points] == markers))
-        adds = is_same and int(np.sum(labels >= 0)) > len(points)
-        if is_same and not (adds or renews):
-            return None
-        labeller.begin(frame.points_m, labels, is_confident)
-        other_m = self._by_marker(frame.points_m, labels)
-        moved = np.linalg.norm(other_m - observed_m, axis=1)[self._torso]
-        if adds:
-            follower = best.follower.copy()
-        elif np.any(moved < SETTINGS.same_m) and not np.any(moved >= SETTINGS.same_m) and best.tracked.solution:
-            follower = best.follower.begun_again(self._solver.begin_at_torso(best.tracked.solution))
-        else:
-            follower = best.follower.begun_again(self._solver.initial_state)
-        tracked = follower.begin(Observation.of_points(other_m), frame.time_s)
-        if tracked.solution is None:
-            return None
-        note = NoteKind.RELABELLED
-        if is_same:
-            note = NoteKind.LABELLED_MORE if adds else NoteKind.NEARER_EXAMPLE
-        return PointHypothesis(follower.state, tracked, note, 0.0, object(), labeller, follower)
-
     def _is_suspect(self, tracked: Tracked, solution: Solution, frame: MarkerFrame) -> bool:
         """Return whether the pose or unlabelled points are evidence against the labels."""
         located = tracked.observation.located
@@ -343,15 +195,7 @@ class PointLabels:
             return _S.nothing * min(len(frame.points_m), len(self._torso))
         observed_m, markers_m = tracked.observation.points_m, tracked.solution.markers_m
         cost = self.label_cost(len(frame.points_m), observed_m, markers_m, _rms_m(observed_m, markers_m))
-        return cost + self._example_cost(tracked)
-
-    def _example_cost(self, tracked: Tracked, nearest_m: float | None = None) -> float:
-        """Return the negative log likelihood of located markers at this distance from the closest example."""
-        located = int(np.count_nonzero(tracked.observation.located))
-        if nearest_m is None:
-            nearest_m = tracked.solution.nearest_m if tracked.solution else 0.0
-        likely_m = min(nearest_m, self._limits.familiar_m) if located else 0.0
-        return located * math.log(math.hypot(likely_m, _S.near_m))
+        return cost + self._alternatives.example_cost(tracked)
 
     # ---- labels of a frame
 
@@ -367,7 +211,7 @@ class PointLabels:
         """
         if not self._cameras or len(frame.blobs) != len(self._cameras):
             labels = labeller.label(frame.points_m, frame.covariances_m2, predicted_m, elapsed_s)
-            return Observation.of_points(self._by_marker(frame.points_m, labels))
+            return Observation.of_points(by_marker(frame.points_m, labels, len(self._torso)))
         found = labeller.label_blobs(frame, self._cameras, predicted_m, elapsed_s)
         single = found.single_cameras
         image_points = found.normalised[np.arange(len(self._torso)), single]
@@ -376,7 +220,7 @@ class PointLabels:
 
     def _observe_given_labels(self, frame: MarkerFrame) -> Observation:
         count = len(self._torso)
-        points = self._by_marker(frame.points_m, frame.labels)
+        points = by_marker(frame.points_m, frame.labels, len(self._torso))
         cameras = np.full(count, -1, dtype=np.int64)
         image_points = np.full((count, 2), np.nan)
         usable = (frame.single_labels >= 0) & (len(self._cameras) > 0)
@@ -387,12 +231,6 @@ class PointLabels:
         else:
             cameras[np.isfinite(points[:, 0])] = -1
         return Observation(points, cameras, image_points, self._cameras)
-
-    def _by_marker(self, points_m: Array, labels: IntArray) -> Array:
-        """Return the points (M, 3) in the order of the markers, NaN where hidden."""
-        result = np.full((len(self._torso), 3), np.nan)
-        result[labels[labels >= 0]] = points_m[labels >= 0]
-        return result
 
 
 def is_labelled(frame: MarkerFrame) -> bool:
@@ -406,28 +244,8 @@ def _strays(frame: MarkerFrame, tracked: Tracked) -> int:
     return min(len(frame.points_m), len(seen)) - int(np.count_nonzero(seen))
 
 
-def _is_near(points_m: Array, others_m: Array) -> Mask:
-    """Return whether points (N, 3) and others (M, 3) are the same, as a mask (N, M)."""
-    return np.asarray(np.linalg.norm(points_m[:, None] - others_m[None], axis=-1) < SETTINGS.same_m)
-
-
-def _moved_m(points_m: Array, others_m: Array) -> float:
-    """Return the largest distance of the markers (M, 3) that both have; infinity for none."""
-    apart_m = np.linalg.norm(points_m - others_m, axis=1)
-    return float(np.nanmax(apart_m)) if np.isfinite(apart_m).any() else np.inf
-
-
 def _rms_m(points_m: Array, others_m: Array) -> float:
     """Return the RMS distance of the markers (M, 3) that both have; infinity for none."""
     squares = np.sum((points_m - others_m) ** 2, axis=1)
     known = squares[np.isfinite(squares)]
     return float(np.sqrt(np.mean(known))) if len(known) else np.inf
-
-
-def _differences(searched: _Searched, other_m: Array) -> tuple[bool, bool]:
-    """Return whether other labels (M, 3) move or add a marker, and whether they relabel a confidently tracked one."""
-    near = _is_near(other_m, searched.observed_m)
-    shown, known = np.isfinite(other_m[:, 0]), np.isfinite(searched.observed_m[:, 0])
-    differs = bool(np.any(shown & ~near.diagonal()))
-    elsewhere = (shown & ~near.diagonal()) | np.any(near & ~np.eye(len(near), dtype=bool), axis=0)
-    return differs, bool(np.any(searched.is_confident & known & elsewhere))

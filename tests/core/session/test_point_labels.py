@@ -1,6 +1,7 @@
 """Labels of points compared with others: which are proposed, and what uncertain ones are worth."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -9,7 +10,8 @@ from perfanim.core.body.pose_notes import NoteKind
 from perfanim.core.labelling.label_search import WORK_ALONE
 from perfanim.core.markers.marker_frame import MarkerFrame
 from perfanim.core.session.hypotheses import Tracked
-from perfanim.core.session.point_labels import PointHypothesis, PointLabels, PointSettings
+from perfanim.core.session.label_alternatives import AlternativeSettings, LabelAlternatives, PointHypothesis
+from perfanim.core.session.point_labels import PointLabels, PointSettings
 from perfanim.core.session.session import Session
 from perfanim.core.solver.observation import Observation
 
@@ -22,10 +24,17 @@ def hypothesis(observation: Observation, cost: float = 0.0) -> PointHypothesis:
     return PointHypothesis(None, tracked, NoteKind.LABELLED, cost, object(), None, None)  # type: ignore[arg-type]
 
 
+def alternatives() -> LabelAlternatives:
+    """Return alternatives of which the last search has found none; no body is needed to tell how certain labels are."""
+    solver: Any = SimpleNamespace(subject=SimpleNamespace(torso=np.ones(4, dtype=bool)))
+    found = LabelAlternatives(solver, None, 0.0)  # type: ignore[arg-type]
+    found._moved_m = 0.0
+    return found
+
+
 def certain() -> Any:
-    """Return labels that the last search has found certain; no body is needed to tell how certain they are."""
     labels = PointLabels.__new__(PointLabels)
-    labels._misplaced_m = 0.0
+    labels._alternatives = alternatives()
     return labels
 
 
@@ -45,7 +54,7 @@ def test_uncertain_labels_lower_the_confidence_by_how_far_others_move_the_marker
     """Labels that are as likely for two neighbours matter less than for the two hands."""
     points_m = POINTS_M * [apart_m / 0.4, 1.0, 1.0]
     best, other = (Observation.of_points(points_m[order]) for order in (np.arange(4), EXCHANGED))
-    refuted = PointSettings.start + PointSettings.sure
+    refuted = AlternativeSettings.start + AlternativeSettings.sure
     unsure = [hypothesis(best), hypothesis(other, refuted)]
     assert least < certain().confidence(unsure, frame_of(points_m)) < most
     sure = [hypothesis(best), hypothesis(other, refuted + 0.1)]
@@ -67,14 +76,14 @@ def test_points_of_markers_that_one_camera_sees_are_no_strays() -> None:
 @pytest.mark.parametrize(("above", "exchanged"), [(-0.1, False), (0.1, True)])
 def test_labels_that_the_motion_refutes_are_not_proposed_again(above: float, exchanged: bool) -> None:
     """Each search finds the same neighbours exchanged; where the motion has refuted that, tracking is confident."""
-    best, rival = (hypothesis(Observation.of_points(POINTS_M[order])) for order in (np.arange(4), EXCHANGED))
-    best.labeller, rival.cost = Confirmed(), PointLabels.hopeless + above
-    labels = certain()
-    labels._alternatives = [rival]
-    labels._confirm_refuted([best] if exchanged else [best, rival])
+    best, other = (hypothesis(Observation.of_points(POINTS_M[order])) for order in (np.arange(4), EXCHANGED))
+    best.labeller, other.cost = Confirmed(), PointLabels.hopeless + above
+    found = alternatives()
+    found._followed = [other]
+    found._confirm_refuted([best] if exchanged else [best, other])
     if exchanged:
         assert best.labeller.markers == [True, True, False, False]
-    assert labels._alternatives == ([] if exchanged else [rival])
+    assert found._followed == ([] if exchanged else [other])
 
 
 @pytest.mark.parametrize(("nearest_m", "renewed"), [(1.0, True), (None, False)])
@@ -85,15 +94,15 @@ def test_a_body_that_has_lost_its_way_starts_over_with_the_same_labels(
     session = Session(subject, database)
     for number in range(20):
         session.step(record(true_markers[number], number))
-    labels, frame = session.point_labels, record(true_markers[20], 20)
+    found, frame = session.point_labels._alternatives, record(true_markers[20], 20)
     session.step(frame)
     best = session._given.best
     if nearest_m is not None:
         best.tracked = replace(best.tracked, solution=replace(best.tracked.solution, nearest_m=nearest_m))
-    labels._begin_search(best, frame)
-    while not labels._searched.search.advance(WORK_ALONE):
+    found._begin_search(best, frame)
+    while not found._searched.search.advance(WORK_ALONE):
         pass
-    born = labels._born(labels._searched, [best], frame)
+    born = found._born(found._searched, best, frame)
     again = [each for each in born if each.begun is NoteKind.NEARER_EXAMPLE]
     assert bool(again) == renewed
     for each in again:
