@@ -27,7 +27,7 @@ class AlternativeSettings:
     """Settings of `LabelAlternatives`; costs are negative log likelihoods, nats."""
 
     near_m: float = 0.02  # distance from the closest example below which a nearer one makes no difference
-    born: int = 2  # most hypotheses that begin in one frame, because each is solved
+    born: int = 1  # most hypotheses that begin in one frame, because each is solved
     hopeless: float = 15.0  # cost above which a hypothesis is dropped, or not begun
     start: float = 3.0  # initial cost of labels found by a search
     followed: float = 10.0  # further cost if they relabel markers that were tracked confidently
@@ -77,7 +77,7 @@ class LabelAlternatives:
         Args:
             start: Labels of points_m (N, 3) with which the hypothesis begins, and their alternatives.
         """
-        self._judged, self._moved_m = lineage, np.inf
+        self._judged, self._moved_m, self._was_confident = lineage, np.inf, False
         self._followed: list[PointHypothesis] = []
         self._searched: _Searched | None = None
         self._searched_s = -np.inf
@@ -107,9 +107,12 @@ class LabelAlternatives:
             self.judge_anew(best.lineage)
             self._moved_m = moved_m
         self._confirm_refuted(hypotheses)
+        if self._was_confident and not best.labeller.is_confident.any():
+            self._moved_m = np.inf  # after a cut, or hidden, a body may be another
         calm = not suspect and self._moved_m == 0.0 and all(each.cost > _S.start + _S.sure for each in hypotheses[1:])
         if calm:
             best.labeller.confirm(best.tracked.observation.located)
+        self._was_confident = bool(best.labeller.is_confident.any())
         if self._searched is not None:
             self._searched.search.follow(frame.points_m, elapsed_s)
         elif frame.time_s - self._searched_s >= (_S.rare_s if calm else _S.pause_s):
