@@ -176,7 +176,7 @@ class PersonLocator:
         return seen, normalised, sigmas_px
 
     def _located(self, seen: MarkerFrame, normalised: Array, sigmas_px: Array, rows_of: IntArray) -> MarkerFrame:
-        """Return the frame with the points whose rows (C, K) of the network's points are known, -1 if they are wrong."""
+        """Return the frame with the points whose rows (C, K) among the network's are known, -1 for wrong ones."""
         cameras = np.arange(len(self._rig))[:, None]
         wrong = np.count_nonzero((rows_of < 0) & np.isfinite(normalised[..., 0]))
         normalised, sigmas_px = normalised[cameras, rows_of].swapaxes(0, 1), sigmas_px[cameras, rows_of].T

@@ -2,8 +2,8 @@
 
 For each group of points (arms, legs, head), every camera's picture may show left and right exchanged, and that of one
 camera may be wrong: between both sides, some networks place limbs where no limb is. A hidden Markov model weighs these
-hypotheses: rays of all cameras must meet, the points move as a body can from one moment to the next, and exchanges are
-rarer than right pictures. The past decides what rays cannot: if all cameras exchange the legs, the rays meet as well.
+hypotheses: rays of all cameras must meet, the points go on as they have moved, and exchanges are rarer than right
+pictures. The past decides what rays cannot: if all cameras exchange the legs, the rays meet as well.
 """
 
 from collections.abc import Sequence
@@ -13,7 +13,7 @@ from itertools import product
 import numpy as np
 
 from ...body.body_parts import PARTS
-from ...geometry.arrays import Array, IntArray, Mask
+from ...geometry.arrays import Array, IntArray
 from ...geometry.camera import Camera
 from ...geometry.triangulation import triangulate
 from ...markers.exchanged_throughout import other_sides
@@ -32,8 +32,9 @@ class ExchangeSettings:
     """Settings of `SideExchanges`."""
 
     ray_m: float = 0.035  # error of points across the rays of a camera
-    still_m: float = 0.06  # change between moments that the network's errors explain
-    speed_m_s: float = 3.0  # usual speed of limbs
+    still_m: float = 0.04  # distance from where a point was expected that the network's errors explain
+    speed_m_s: float = 1.0  # usual change of a limb's velocity
+    gain: float = 0.5  # share of the difference from the last velocity by which a point's velocity follows
     rare: float = 1.0  # evidence against each exchanged picture, nats
     missed: float = 2.0  # mean distance of a camera's rays from the others', in units of `ray_m`, of a wrong picture
     memory_s: float = 0.5  # time without points after which the past no longer counts
@@ -103,11 +104,38 @@ class _Group:
         self._choices = choices[np.count_nonzero(choices == _WRONG, axis=1) <= 1]  # (H, C)
         self._costs = np.zeros(len(self._choices))
         self._points: Array | None = None  # (H, n, D) where each hypothesis has the points
+        self._velocities = np.zeros(0)  # (H, n, D) how fast they move there
         self._time_s = 0.0
 
     def step(self, time_s: float, normalised: Array) -> tuple[IntArray, IntArray]:
         """Return what each camera's picture shows (C,), and each hypothesis' likeliest predecessor (H,)."""
-        own, other = normalised[:, self.own], normalised[:, self.other]
+        elapsed_s = time_s - self._time_s
+        last = self._points if 0.0 < elapsed_s < _S.memory_s else None
+        points, costs = self._seen(normalised[:, self.own], normalised[:, self.other], last)
+        before = np.arange(len(costs))
+        if not np.isfinite(points).any():
+            return np.asarray(self._choices[np.argmin(self._costs)]), before
+        if last is None:
+            self._velocities = np.zeros_like(points)
+        else:
+            apart = np.linalg.norm(points[:, None] - (last + elapsed_s * self._velocities), axis=-1)  # (H, H before, n)
+            shares = apart / np.hypot(_S.still_m, _S.speed_m_s * elapsed_s)
+            costs_before = self._costs + 0.5 * np.nansum(np.log1p(shares**2), axis=-1)
+            before = costs_before.argmin(axis=1)
+            costs = costs + costs_before.min(axis=1)
+            velocities, moved = self._velocities[before], np.nan_to_num((points - last[before]) / elapsed_s)
+            self._velocities = velocities + _S.gain * (moved - velocities)
+        self._points, self._time_s, self._costs = points, time_s, costs - costs.min()
+        return np.asarray(self._choices[np.argmin(self._costs)]), before
+
+    def _seen(self, own: Array, other: Array, last: Array | None) -> tuple[Array, Array]:
+        """Return where each hypothesis has the points (H, n, D) now, and the evidence against it (H,).
+
+        Args:
+            own: Normalised coordinates (C, n, 2) of the points, NaN where not found.
+            other: Those of their counterparts.
+            last: Where each hypothesis had the points; None if nothing is known of the past.
+        """
         wrong, exchanged = self._choices == _WRONG, self._choices == _EXCHANGED
         seen = np.where(exchanged[..., None, None], other, own)  # (H, C, n, 2)
         seen[wrong] = np.nan
@@ -115,25 +143,12 @@ class _Group:
         found = np.isfinite(own[..., 0])  # (C, n)
         costs = costs + _S.rare * np.count_nonzero(exchanged & found.any(axis=1), axis=1)
         costs += np.log1p(_S.missed**2) * wrong @ np.count_nonzero(found, axis=1)
-        elapsed_s = time_s - self._time_s
         one_is_wrong = wrong.any(axis=1)
-        last = self._points if elapsed_s < _S.memory_s else None
         if last is None:  # nothing tells which camera is wrong
             costs[one_is_wrong] = np.inf
         elif one_is_wrong.any():
             points[one_is_wrong] = self._kept(points, seen, last[np.argmin(self._costs)])[one_is_wrong]
-        before = np.arange(len(costs))
-        if np.isfinite(points).any():
-            moves = np.zeros((len(costs), len(costs)))
-            if last is not None:
-                apart = np.linalg.norm(points[:, None] - last[None], axis=-1)  # (H, H before, n)
-                shares = apart / np.hypot(_S.still_m, _S.speed_m_s * elapsed_s)
-                moves = 0.5 * np.nansum(np.log1p(shares**2), axis=-1)
-            costs_before = self._costs + moves
-            before = costs_before.argmin(axis=1)
-            costs = costs + costs_before.min(axis=1)
-            self._points, self._time_s, self._costs = points, time_s, costs - costs.min()
-        return np.asarray(self._choices[np.argmin(self._costs)]), before
+        return points, costs
 
     def _kept(self, points: Array, seen: Array, last_m: Array) -> Array:
         """Return points (H, n, 3), unknown ones as near to the last ones (n, 3) as their rays (H, C, n, 2) allow."""
