@@ -79,6 +79,8 @@ class Session:
         poses_m = examples.start_poses_m, examples.markers_m
         self._hypotheses = HypothesisTracker(cameras[0], self.solver, *poses_m) if self._has_one_camera else None
         self._source = noise_of(subject.marker_set.points)
+        # cameras have decided a network's left and right before, and its errors last: a point that jumps is no worse
+        self._gates_jumps = not (cameras and self._source.lasting_m > 0.0)
         self._feet = np.array([marker.joint in FOOT_JOINTS for marker in subject.marker_set.markers])
         self._quality = TrackingQuality(self._model.torso, self._has_one_camera, tracking_of(self._source))
         self._part_errors = PartErrors(self._model, len(cameras))
@@ -172,7 +174,7 @@ class Session:
         if self.labeller.labellings != labellings:
             self._decisions.append(NoteKind.LABELLED)
         is_measured = doubts and not observation.guessed.any()
-        carried = self._carried(frame.time_s) if is_measured else None
+        carried = self._carried(frame.time_s) if is_measured and self._gates_jumps else None
         points_m, frozen = observation.points_m, np.zeros(len(self._feet), dtype=bool)
         if is_measured:
             frozen = self._frozen.step(points_m, self._elapsed_s(frame.time_s))
