@@ -15,6 +15,9 @@ class SourceNoise:
     calm_hz: float  # highest cut-off for poses of recorded takes; above it there is only noise
     calmest_hz: float  # lowest cut-off, for slow motion
     calmed_m: float  # largest RMS displacement of a joint that lowering the cut-off may cause; below `lasting_m`
+    # standard deviation of the Gaussian weights with which a shown pose is averaged with the poses before and after it;
+    # at 60 Hz those of markers are about 1 4 6 4 1
+    shown_s: float
     guessed_m: float = 0.0  # standard deviation of a depth that is guessed from one camera's picture
 
     @property
@@ -24,12 +27,20 @@ class SourceNoise:
 
 
 _NOISES = {
-    PointKind.MARKERS: SourceNoise(most_fast_m=0.004, lasting_m=0.0, calm_hz=16.0, calmest_hz=16.0, calmed_m=0.0),
+    PointKind.MARKERS: SourceNoise(
+        most_fast_m=0.004, lasting_m=0.0, calm_hz=16.0, calmest_hz=16.0, calmed_m=0.0, shown_s=1.0 / 60.0
+    ),
     # Networks locate points with errors of 20 to 30 mm that last 0.2 to 0.5 s, and 4 to 8 mm between frames. Standard
     # deviations of that size would let the database override motion that it lacks (chosen on CMU's 07_01, 14_08 and
     # 49_10).
     PointKind.KEYPOINTS: SourceNoise(
-        most_fast_m=0.015, lasting_m=0.012, calm_hz=4.0, calmest_hz=2.5, calmed_m=0.005, guessed_m=0.15
+        most_fast_m=0.015,
+        lasting_m=0.012,
+        calm_hz=4.0,
+        calmest_hz=2.5,
+        calmed_m=0.005,
+        shown_s=1.0 / 30.0,
+        guessed_m=0.15,
     ),
 }
 

@@ -24,14 +24,16 @@ class BodyFollower:
 
     Args:
         feet: Mask (M,) of the markers on feet.
+        gates_jumps: Doubt markers that jump. Cameras have decided a network's left and right before, and its errors
+            last: a point that jumps is no worse.
 
     Attributes:
         state: State of the solver after the last frame.
         before: State before it.
     """
 
-    def __init__(self, solver: PoseSolver, source: SourceNoise, feet: Mask) -> None:
-        self._solver, self._source, self._feet = solver, source, feet
+    def __init__(self, solver: PoseSolver, source: SourceNoise, feet: Mask, gates_jumps: bool) -> None:
+        self._solver, self._source, self._feet, self._gates_jumps = solver, source, feet, gates_jumps
         self.state = self.before = solver.initial_state
         self._velocities_m_s: Array | None = None  # (M, 3) of the solved markers
         self._apart_m = np.full((len(feet), 3), np.nan)  # mean offsets of observed from solved markers
@@ -40,7 +42,7 @@ class BodyFollower:
 
     def begun_again(self, state: SolverState) -> "BodyFollower":
         """Return a follower of the same body that continues from another state of the solver."""
-        other = BodyFollower(self._solver, self._source, self._feet)
+        other = BodyFollower(self._solver, self._source, self._feet, self._gates_jumps)
         other.state = state
         return other
 
@@ -70,7 +72,7 @@ class BodyFollower:
         if doubts:
             frozen = self._frozen.step(points_m, elapsed_s)
             points_m = np.where(frozen[:, None], np.nan, points_m)
-        found = self._smoother.step(time_s, points_m, self._carried(elapsed_s) if doubts else None)
+        found = self._smoother.step(time_s, points_m, self._carried(elapsed_s) if doubts and self._gates_jumps else None)
         smoothed = observation.smoothed(found.points_m, found.deviations_m, self._source)
         observation = replace(observation, points_m=found.believed.points_m)
         self.before = self.state

@@ -100,7 +100,8 @@ class PointLabels:
                 Observation.of_points(by_marker(frame.points_m, labels, len(self._torso))),
                 search.found,
             )
-        follower = BodyFollower(self._solver, self._source, self._feet)
+        gates_jumps = not (self._cameras and self._source.lasting_m > 0.0)
+        follower = BodyFollower(self._solver, self._source, self._feet, gates_jumps)
         tracked = follower.step(observation, frame.time_s, elapsed_s, False, start is not None)
         note = None if start is None else NoteKind.LABELLED
         begun = PointHypothesis(follower.state, tracked, note, 0.0, object(), labeller, follower)

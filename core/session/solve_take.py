@@ -14,6 +14,7 @@ from ..markers.filtering import smooth_on_body
 from ..markers.gap_filling import fill_gaps, widen_gaps
 from ..markers.marker_frame import MarkerFrame
 from ..markers.marker_take import MarkerTake
+from ..markers.source_noise import noise_of
 from ..markers.subject import Subject
 from ..markers.take_frames import take_frames
 from ..solver.settings import SolveSettings
@@ -116,7 +117,7 @@ def _solve_whole(
     """Return the poses of all frames, solved in both directions of time or, if `causal`, as a capture shows them."""
     if causal:
         live = solve_frames(frames, session, activity, progress, causal, check_labels)
-        return replace(live, poses=tuple(calm_poses(live.poses)))
+        return replace(live, poses=tuple(calm_poses(live.poses, noise_of(session.subjects[0].marker_set.points))))
 
     def first(share: float, text: str) -> None:
         progress(_LABELS_SHARE * share, text)

@@ -23,6 +23,7 @@ from ..geometry.camera import CameraRig
 from ..geometry.rig_file import save_rig
 from ..markers.marker_frame import MarkerFrame
 from ..markers.marker_set import load_marker_set
+from ..markers.source_noise import noise_of
 from ..markers.subject import Subject, save_subject
 from ..session.delayed_poses import calm_performer
 from ..session.session import Session
@@ -165,7 +166,7 @@ def _solve(
         seconds.append(time.perf_counter() - start)
         if i % 30 == 0:
             progress(0.5 + 0.2 * i / len(recording.frames), "solving")
-    return calm_performer(poses), np.array(seconds)
+    return calm_performer(poses, noise_of(subject.marker_set.points)), np.array(seconds)
 
 
 def _write(

@@ -11,6 +11,7 @@ from ..database.store import Database, check_arrays
 from ..errors import DatabaseError
 from ..geometry import rotations as rot
 from ..geometry.arrays import Array
+from ..markers.source_noise import noise_of
 from ..system.blas_threads import use_one_blas_thread
 from .best_method import BestMethod
 from .database_markers import database_markers
@@ -51,6 +52,7 @@ class PoseSolver:
         search = choose_search(settings.search, database, markers)
         sample = SampleSearch(markers, np.asarray(database.poses).reshape(database.frames, -1))
         self._locator = Locator(subject, database, markers, search, sample, self._method, settings.query_alpha)
+        self._lasting_errors = noise_of(subject.subject.marker_set.points).lasting_m > 0.0
         self._trajectory_check: TrajectoryCheck | None = None
         if settings.method == "best":
             self._trajectory_check = TrajectoryCheck(sample, markers, self.best.earlier_markers)
@@ -201,6 +203,8 @@ class PoseSolver:
         jump_m = _rms(solution.root.to_root_frame(observation.points_m[seen]) - before_m)
         if jump_m > _CUT_M:
             return NoteKind.CUT
+        if self._lasting_errors:  # these jump by more than history misleads
+            return None
         unexplained = _rms(solution.markers_m[seen] - observation.points_m[seen]) > solution.nearest_m
         return NoteKind.NEARER_EXAMPLE if jump_m > _JUMP_M or unexplained else None
 

@@ -7,6 +7,7 @@ import bpy
 
 from ...core.body.scene_pose import ScenePose
 from ...core.errors import CharacterError, PerfanimError
+from ...core.markers.source_noise import noise_of
 from ...core.session.delayed_poses import calm_poses
 from ...core.session.gestures import GESTURES, GestureWatch
 from ...core.session.walk_test import judge_walk, walk_figures
@@ -241,8 +242,9 @@ class LiveCapture:
 
     def _write(self, context: bpy.types.Context) -> str:
         driver, all_poses = self._driver, self.run.poses if self.run else []
-        if settings(context).immediate:  # shown as solved, but recorded with the zero-lag filter, as in the take
-            all_poses = calm_poses(all_poses)
+        if driver is not None and settings(context).immediate:
+            # shown as solved, but recorded with the zero-lag filter, as in the take
+            all_poses = calm_poses(all_poses, noise_of(driver.targets[0].subject.marker_set.points))
         parts = [RecordedPart(recording.recorded(all_poses), recording.start_frame) for recording in self.recordings]
         parts = [part for part in parts if part.poses]
         if driver is not None:

@@ -17,6 +17,7 @@ from perfanim.core.geometry.camera import CameraRig
 from perfanim.core.markers.marker_frame import MarkerFrame
 from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.markers.marker_take import MarkerTake
+from perfanim.core.markers.source_noise import noise_of
 from perfanim.core.markers.subject import Subject
 from perfanim.core.session.delayed_poses import calm_performer
 from perfanim.core.session.session import Session
@@ -130,7 +131,8 @@ def _solved(
 
     def from_video(frames: list[MarkerFrame], subject: Subject, cameras: CameraRig) -> Motion:
         session = Session(subject, database, cameras, WITHOUT_PRIOR)
-        return motion_of(calm_performer([session.step(frame) for frame in frames]), subject, "video", source.fps)
+        poses = calm_performer([session.step(frame) for frame in frames], noise_of(subject.marker_set.points))
+        return motion_of(poses, subject, "video", source.fps)
 
     left = CameraRig(rig.cameras[:1])
     seen_by_one = Subject("true", skeleton, one_camera.subject.marker_set)

@@ -21,7 +21,9 @@ from perfanim.core.geometry.camera import CameraRig
 from perfanim.core.geometry.rig_file import load_rig
 from perfanim.core.markers.marker_frame import MarkerFrame
 from perfanim.core.markers.marker_set import load_marker_set
+from perfanim.core.markers.source_noise import noise_of
 from perfanim.core.markers.subject import Subject
+from perfanim.core.session.delayed_poses import calm_performer
 from perfanim.core.session.session import Session
 from perfanim.core.session.steady_motion import motion_of
 from perfanim.core.vision.people.body_network import BlazePose
@@ -113,7 +115,7 @@ def _offline(rig: CameraRig, frames: Sequence[MarkerFrame], database: Database) 
 
 
 def _live(rig: CameraRig, frames: Sequence[MarkerFrame], database: Database) -> tuple[Motion, dict[str, float]]:
-    """Return the motion of a body of average size, each frame solved from earlier ones only, and times by stage."""
+    """Return the motion of a body of average size as a capture shows it, two frames late, and times by stage."""
     locator, subject = PersonLocator(rig, _POINTS), Subject("Performer", default_skeleton(), _POINTS)
     session, poses, moments_s = Session(subject, database, rig), [], []
     for frame in frames:
@@ -123,7 +125,7 @@ def _live(rig: CameraRig, frames: Sequence[MarkerFrame], database: Database) -> 
         poses.append(session.step(located))
         moments_s.append((begun_s, located_s, time.process_time()))
     times_ms = np.median(1e3 * np.diff(moments_s[_WARM:], axis=1), axis=0).tolist()
-    motion = motion_of(poses, subject, "person", _FPS / _KEPT)
+    motion = motion_of(calm_performer(poses, noise_of(_POINTS.points)), subject, "person", _FPS / _KEPT)
     return motion, dict(zip(_UNTIMED, (round(each, 1) for each in times_ms), strict=True))
 
 

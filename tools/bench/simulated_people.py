@@ -105,8 +105,8 @@ def _solve(
     exact, _ = simulate_markers(truth, true_subject(truth))
     for seed in range(_S.passes):
         frames, right = film(truth, rig, np.random.default_rng((number, seed)))
-        locator = PersonLocator(rig, _POINTS)
-        located = {LIVE: [locator.locate(frame) for frame in frames], OFFLINE: locator.locate_all(frames)}
+        live, whole = PersonLocator(rig, _POINTS), PersonLocator(rig, _POINTS)
+        located = {LIVE: [live.locate(frame) for frame in frames], OFFLINE: whole.locate_all(frames)}
         decided += [{"way": way} | _counted(_misplaced(found, right)) for way, found in located.items()]
         if seed:
             continue

@@ -17,6 +17,7 @@ from perfanim.core.geometry.arrays import Array
 from perfanim.core.markers.label_faults import correct_labels
 from perfanim.core.markers.marker_set import PointKind, load_marker_set
 from perfanim.core.markers.marker_take import MarkerTake
+from perfanim.core.markers.source_noise import noise_of
 from perfanim.core.markers.subject import Subject
 from perfanim.core.markers.take_frames import take_frames
 from perfanim.core.session.delayed_poses import calm_poses
@@ -94,7 +95,7 @@ def solve_both_ways(take: MarkerTake, subject: Subject, database: Database, sett
     if faults:
         first = solved(corrected)
     offline = session.solve_two_ways(first.poses, lambda share: None)
-    calm = calm_poses(live.poses)
+    calm = calm_poses(live.poses, noise_of(subject.marker_set.points))
     columns = {LIVE: [pose.performers[0] for pose in calm], OFFLINE: [pose.performers[0] for pose in offline]}
     return {way: Way(motion_of(poses, subject, take.name, take.fps), poses) for way, poses in columns.items()}
 

@@ -134,7 +134,7 @@ class WalkingPerson:
         """Return the points; with cameras, left and right as they agree."""
         tracks = self._tracks
         if cameras is not None:
-            exchanges = SideExchanges(cameras, self._markers)
+            exchanges = SideExchanges(cameras, self._markers, judges=False)
             tracks = tracks.reordered(exchanges.decide_all(tracks.times_s, tracks.normalised(cameras)))
         return tracks.sampled(_S.independent_s, self.bones, _S.bone_sigma_m)
 

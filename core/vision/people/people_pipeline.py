@@ -176,16 +176,18 @@ class PersonLocator:
         return seen, normalised, sigmas_px
 
     def _located(self, seen: MarkerFrame, normalised: Array, sigmas_px: Array, rows_of: IntArray) -> MarkerFrame:
-        """Return the frame with the points whose rows (C, K) of the network's points are known."""
+        """Return the frame with the points whose rows (C, K) among the network's are known, -1 for wrong ones."""
         cameras = np.arange(len(self._rig))[:, None]
+        wrong = np.count_nonzero((rows_of < 0) & np.isfinite(normalised[..., 0]))
         normalised, sigmas_px = normalised[cameras, rows_of].swapaxes(0, 1), sigmas_px[cameras, rows_of].T
+        normalised[rows_of.T < 0] = np.nan
         is_seen = np.isfinite(normalised[..., 0])  # (K, C)
         several, alone = (np.flatnonzero(mask) for mask in (is_seen.sum(axis=1) >= 2, is_seen.sum(axis=1) == 1))
         points_m, covariances_m2, is_seen[several] = self._meet(
             normalised[several], sigmas_px[several], is_seen[several]
         )
         meets = is_seen[several].sum(axis=1) >= 2
-        is_apart = meets.sum() < _S.agreeing * len(several)
+        is_apart = meets.sum() < _S.agreeing * (len(several) + wrong)
         several = several[meets]
         cameras_alone = is_seen[alone].argmax(axis=1)
         located = replace(

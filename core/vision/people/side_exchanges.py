@@ -1,9 +1,9 @@
 """Left and right, which a body network exchanges in single pictures of single cameras.
 
-For each group of points (arms, legs, head), every camera's picture may show left and right exchanged. A hidden Markov
-model weighs these hypotheses: rays of all cameras must meet, the points move as a body can from one moment to the next,
-and exchanges are rarer than right pictures. The past decides what rays cannot: if all cameras exchange the legs, the
-rays meet as well.
+For each group of points (arms, legs, head), every camera's picture may show left and right exchanged, and that of one
+camera may be wrong: between both sides, some networks place limbs where no limb is. A hidden Markov model weighs these
+hypotheses: rays of all cameras must meet, the points go on as they have moved, and exchanges are rarer than right
+pictures. The past decides what rays cannot: if all cameras exchange the legs, the rays meet as well.
 """
 
 from collections.abc import Sequence
@@ -13,7 +13,7 @@ from itertools import product
 import numpy as np
 
 from ...body.body_parts import PARTS
-from ...geometry.arrays import Array, IntArray, Mask
+from ...geometry.arrays import Array, IntArray
 from ...geometry.camera import Camera
 from ...geometry.triangulation import triangulate
 from ...markers.exchanged_throughout import other_sides
@@ -32,34 +32,38 @@ class ExchangeSettings:
     """Settings of `SideExchanges`."""
 
     ray_m: float = 0.035  # error of points across the rays of a camera
-    still_m: float = 0.06  # change between moments that the network's errors explain
-    speed_m_s: float = 3.0  # usual speed of limbs
+    still_m: float = 0.04  # distance from where a point was expected that the network's errors explain
+    speed_m_s: float = 1.0  # usual change of a limb's velocity
+    gain: float = 0.5  # share of the difference from the last velocity by which a point's velocity follows
     rare: float = 1.0  # evidence against each exchanged picture, nats
+    missed: float = 2.0  # mean distance of a camera's rays from the others', in units of `ray_m`, of a wrong picture
     memory_s: float = 0.5  # time without points after which the past no longer counts
     usual_m: float = 3.0  # assumed distance from a single camera
 
 
 _S = ExchangeSettings()
+_RIGHT, _EXCHANGED, _WRONG = range(3)  # what a camera's picture shows of a group of points
 
 
 class SideExchanges:
-    """Decides which pictures of C cameras show left and right exchanged.
+    """Decides which pictures of C cameras show left and right exchanged, and which are wrong.
 
     Args:
         cameras: The cameras.
         markers: The K points that the network finds.
+        judges: Whether pictures are found wrong, too; not for cameras whose calibration is still rough.
     """
 
-    def __init__(self, cameras: Sequence[Camera], markers: Sequence[Marker]) -> None:
+    def __init__(self, cameras: Sequence[Camera], markers: Sequence[Marker], judges: bool = True) -> None:
         self._cameras, self._others = tuple(cameras), other_sides(markers)
         joints = [{joint for part in parts for joint in PARTS[part]} for parts in _GROUPS]
         paired = (self._others >= 0) & (self._others != np.arange(len(markers)))
         on_group = ([marker.joint in names for marker in markers] for names in joints)
         members = [np.flatnonzero(paired & np.array(own)) for own in on_group]
-        self._groups = [_Group(self._cameras, own, self._others[own]) for own in members if len(own)]
+        self._groups = [_Group(self._cameras, own, self._others[own], judges) for own in members if len(own)]
 
     def step(self, time_s: float, normalised: Array) -> IntArray:
-        """Return for each camera and point (C, K) the index of the network's point that is this point.
+        """Return for each camera and point (C, K) the index of the network's point that is this point; -1 if none is.
 
         Args:
             time_s: Time of the pictures.
@@ -78,49 +82,85 @@ class SideExchanges:
         for group in self._groups:
             steps = [group.step(time_s, row) for time_s, row in zip(times_s.tolist(), normalised, strict=True)]
             paths.append(group.trace([before for _, before in steps]))
-        return np.array([self._of_points(exchanged) for exchanged in zip(*paths, strict=True)])
+        return np.array([self._of_points(choices) for choices in zip(*paths, strict=True)])
 
-    def _of_points(self, exchanged: Sequence[Mask]) -> IntArray:
-        """Return the points (C, K) if these cameras (C,) exchange each group."""
+    def _of_points(self, choices: Sequence[IntArray]) -> IntArray:
+        """Return the points (C, K) for what each camera's picture shows (C,) of each group."""
         of_point = np.tile(np.arange(len(self._others)), (len(self._cameras), 1))
-        for group, cameras in zip(self._groups, exchanged, strict=True):
-            of_point[np.ix_(cameras, group.own)] = group.other
+        for group, shown in zip(self._groups, choices, strict=True):
+            of_point[np.ix_(shown == _EXCHANGED, group.own)] = group.other
+            of_point[np.ix_(shown == _WRONG, group.own)] = -1
         return of_point
 
 
 class _Group:
     """Points that are exchanged together: `own`, and their counterparts `other`, (n,)."""
 
-    def __init__(self, cameras: tuple[Camera, ...], own: IntArray, other: IntArray) -> None:
+    def __init__(self, cameras: tuple[Camera, ...], own: IntArray, other: IntArray, judges: bool) -> None:
         self.own, self.other = own, other
         self._cameras = cameras
-        self._choices = np.array(list(product((False, True), repeat=len(cameras))))  # (H, C)
+        kinds = (_RIGHT, _EXCHANGED, _WRONG) if judges and len(cameras) > 1 else (_RIGHT, _EXCHANGED)
+        choices = np.array(list(product(kinds, repeat=len(cameras))))
+        self._choices = choices[np.count_nonzero(choices == _WRONG, axis=1) <= 1]  # (H, C)
         self._costs = np.zeros(len(self._choices))
         self._points: Array | None = None  # (H, n, D) where each hypothesis has the points
+        self._velocities = np.zeros(0)  # (H, n, D) how fast they move there
         self._time_s = 0.0
 
-    def step(self, time_s: float, normalised: Array) -> tuple[Mask, IntArray]:
-        """Return the cameras (C,) whose pictures are exchanged, and each hypothesis' likeliest predecessor (H,)."""
-        own, other = normalised[:, self.own], normalised[:, self.other]
-        seen = np.where(self._choices[..., None, None], other, own)  # (H, C, n, 2)
-        points, costs = self._located(seen)
-        costs = costs + _S.rare * np.count_nonzero(self._choices & np.isfinite(own[..., 0]).any(axis=1), axis=1)
+    def step(self, time_s: float, normalised: Array) -> tuple[IntArray, IntArray]:
+        """Return what each camera's picture shows (C,), and each hypothesis' likeliest predecessor (H,)."""
         elapsed_s = time_s - self._time_s
+        last = self._points if 0.0 < elapsed_s < _S.memory_s else None
+        points, costs = self._seen(normalised[:, self.own], normalised[:, self.other], last)
         before = np.arange(len(costs))
-        if np.isfinite(points).any():
-            moves = np.zeros((len(costs), len(costs)))
-            if self._points is not None and elapsed_s < _S.memory_s:
-                apart = np.linalg.norm(points[:, None] - self._points[None], axis=-1)  # (H, H before, n)
-                shares = apart / np.hypot(_S.still_m, _S.speed_m_s * elapsed_s)
-                moves = 0.5 * np.nansum(np.log1p(shares**2), axis=-1)
-            costs_before = self._costs + moves
+        if not np.isfinite(points).any():
+            return np.asarray(self._choices[np.argmin(self._costs)]), before
+        if last is None:
+            self._velocities = np.zeros_like(points)
+        else:
+            apart = np.linalg.norm(points[:, None] - (last + elapsed_s * self._velocities), axis=-1)  # (H, H before, n)
+            shares = apart / np.hypot(_S.still_m, _S.speed_m_s * elapsed_s)
+            costs_before = self._costs + 0.5 * np.nansum(np.log1p(shares**2), axis=-1)
             before = costs_before.argmin(axis=1)
             costs = costs + costs_before.min(axis=1)
-            self._points, self._time_s, self._costs = points, time_s, costs - costs.min()
+            velocities, moved = self._velocities[before], np.nan_to_num((points - last[before]) / elapsed_s)
+            self._velocities = velocities + _S.gain * (moved - velocities)
+        self._points, self._time_s, self._costs = points, time_s, costs - costs.min()
         return np.asarray(self._choices[np.argmin(self._costs)]), before
 
-    def trace(self, before: Sequence[IntArray]) -> Array:
-        """Return the exchanged cameras (F, C) of the likeliest course (Viterbi 1967), given all predecessors."""
+    def _seen(self, own: Array, other: Array, last: Array | None) -> tuple[Array, Array]:
+        """Return where each hypothesis has the points (H, n, D) now, and the evidence against it (H,).
+
+        Args:
+            own: Normalised coordinates (C, n, 2) of the points, NaN where not found.
+            other: Those of their counterparts.
+            last: Where each hypothesis had the points; None if nothing is known of the past.
+        """
+        wrong, exchanged = self._choices == _WRONG, self._choices == _EXCHANGED
+        seen = np.where(exchanged[..., None, None], other, own)  # (H, C, n, 2)
+        seen[wrong] = np.nan
+        points, costs = self._located(seen)
+        found = np.isfinite(own[..., 0])  # (C, n)
+        costs = costs + _S.rare * np.count_nonzero(exchanged & found.any(axis=1), axis=1)
+        costs += np.log1p(_S.missed**2) * wrong @ np.count_nonzero(found, axis=1)
+        one_is_wrong = wrong.any(axis=1)
+        if last is None:  # nothing tells which camera is wrong
+            costs[one_is_wrong] = np.inf
+        elif one_is_wrong.any():
+            points[one_is_wrong] = self._kept(points, seen, last[np.argmin(self._costs)])[one_is_wrong]
+        return points, costs
+
+    def _kept(self, points: Array, seen: Array, last_m: Array) -> Array:
+        """Return points (H, n, 3), unknown ones as near to the last ones (n, 3) as their rays (H, C, n, 2) allow."""
+        nearest_m = np.broadcast_to(last_m, points.shape)
+        for camera, rows in zip(self._cameras, np.swapaxes(seen, 0, 1), strict=True):
+            rays = camera.rays(rows)
+            along_m = np.sum(rays * (last_m - camera.centre_m), axis=-1, keepdims=True)
+            nearest_m = np.where(np.isfinite(rays), camera.centre_m + along_m * rays, nearest_m)
+        return np.where(np.isfinite(points), points, nearest_m)
+
+    def trace(self, before: Sequence[IntArray]) -> IntArray:
+        """Return what the pictures show (F, C) by the likeliest course (Viterbi 1967), given all predecessors."""
         chosen = [int(np.argmin(self._costs))]
         for predecessors in reversed(before[1:]):
             chosen.append(int(predecessors[chosen[-1]]))

@@ -14,6 +14,7 @@ from ...formats.take_file.take_writer import TakeWriter
 from ...geometry.arrays import Image
 from ...markers.marker_frame import MarkerFrame
 from ...markers.marker_set import PointKind
+from ...markers.source_noise import noise_of
 from ...session.delayed_poses import DelayedPoses
 from ..channel import Channel
 from ..client import WorkerClient
@@ -57,7 +58,7 @@ class CaptureLoop:
         self._report = CameraReport(channel)
         self._frames: deque[tuple[float, MarkerFrame]] = deque()  # recorded but not solved yet
         self._pose: PerformerPose | None = None  # the last pose
-        self._delayed = DelayedPoses()
+        self._delayed = DelayedPoses(noise_of(session.subjects[0].marker_set.points))
         self._held: deque[TimedPose] = deque()  # solved, but the zero-lag filter still waits for later poses
         self._solved = 0  # number of frames
         self._stop_asked_s = 0.0

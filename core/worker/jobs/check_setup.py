@@ -45,7 +45,7 @@ from .film_starts import with_starts
 from .person_pipeline import open_networks
 from .preview_sender import Draw, PreviewSender
 from .record_board import camera_names
-from .record_pose import count_down
+from .record_pose import count_down, first_seconds
 
 Facts = dict[str, Any]
 
@@ -115,7 +115,7 @@ def _check_person(request: CheckSetupRequest, channel: Channel) -> tuple[list[Fi
         images = iter(source)
         if request.source.is_live:
             count_down(images, request.countdown_s, channel, _SETTINGS.place)
-        spaced = _spaced(images, 1.0 / _SETTINGS.person_fps, SECONDS)
+        spaced = first_seconds(images, SECONDS, channel, apart_s=1.0 / _SETTINGS.person_fps)
         watched = _Watched(spaced, _SETTINGS.person_fps, channel, pose_s=0.0)
         frames: list[MarkerFrame] = []
         kept: list[tuple[ImageSet, MarkerFrame]] = []
@@ -167,21 +167,6 @@ def _on_floor(
         return rig, {"floor_advice": str(error)}
     save_rig(level, request.floor_out)
     return level, {"calibration": request.floor_out}
-
-
-def _spaced(images: Iterable[ImageSet], apart_s: float, seconds: float) -> Iterator[ImageSet]:
-    """Yield image sets of the first seconds that are at least so far apart."""
-    start_s = due_s = None
-    for moment in images:
-        time_s = moment.mean_time_s
-        if time_s is None:
-            continue
-        start_s = time_s if start_s is None else start_s
-        if time_s - start_s >= seconds:
-            return
-        if due_s is None or time_s >= due_s:
-            due_s = time_s + apart_s
-            yield moment
 
 
 def _check_studio(request: CheckSetupRequest, channel: Channel) -> tuple[list[Finding], None, Facts]:

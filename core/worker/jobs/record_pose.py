@@ -5,7 +5,7 @@ The recording continues between the poses, so that trajectories are unbroken; `p
 
 import math
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from typing import Any
 
@@ -101,6 +101,29 @@ def count_down(images: Iterator[ImageSet], seconds: float, channel: Channel, tex
         if left != sent:
             sent = left
             channel.send_status(f"{left}: {text}", cue=PoseCue(PoseStage.GET_READY, left))
+
+
+def first_seconds(
+    images: Iterable[ImageSet], seconds: float, channel: Channel, apart_s: float = 0.0
+) -> Iterator[ImageSet]:
+    """Yield the image sets of the first seconds that have times at least `apart_s` apart.
+
+    Raises:
+        Stopped: A stop was requested meanwhile.
+    """
+    end_s, due_s = math.inf, -math.inf
+    for moment in images:
+        if channel.stop_requested.is_set():
+            raise Stopped
+        time_s = moment.mean_time_s
+        if time_s is None:
+            continue
+        end_s = min(end_s, time_s + seconds)
+        if time_s >= end_s:
+            return
+        if time_s >= due_s:
+            due_s = time_s + apart_s
+            yield moment
 
 
 def _for_seconds(

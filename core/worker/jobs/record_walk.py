@@ -20,13 +20,13 @@ from ...vision.people.people_pipeline import PeoplePipeline
 from ...vision.people.person_clocks import synchronise_person
 from ...vision.people.person_preview import draw_person
 from ...vision.sources.image_set import ImageSet
-from ..channel import Channel, Stopped
+from ..channel import Channel
 from ..open_source import open_source
 from ..requests import RecordWalkRequest
 from .person_pipeline import open_networks
 from .preview_sender import PreviewSender
 from .record_board import camera_names
-from .record_pose import count_down
+from .record_pose import count_down, first_seconds
 
 _PLACE = "stand where all cameras see all of you"
 
@@ -57,18 +57,10 @@ def run(request: RecordWalkRequest, channel: Channel) -> None:
 
 def _walk(images: Iterable[ImageSet], pipeline: PeoplePipeline, seconds: float, channel: Channel) -> list[MarkerFrame]:
     """Return what the cameras see of the person in the first seconds; show it."""
-    preview, frames, start_s = PreviewSender(True, channel), [], None
-    for moment in images:
-        if channel.stop_requested.is_set():
-            raise Stopped
-        time_s = moment.mean_time_s
-        if time_s is None:
-            continue
-        start_s = time_s if start_s is None else start_s
-        if time_s - start_s >= seconds:
-            break
+    preview, frames = PreviewSender(True, channel), []
+    for moment in first_seconds(images, seconds, channel):
         frames.append(pipeline.detect(moment))
         told = "; ".join(frames[-1].notes) or "walk about and turn, through the whole space"
-        channel.send_status(told, (time_s - start_s) / seconds)
+        channel.send_status(told, (frames[-1].time_s - frames[0].time_s) / seconds)
         preview.send(moment.images, partial(draw_person, frames[-1], pipeline.points.names, placed=False))
     return frames

@@ -27,6 +27,7 @@ from perfanim.core.geometry import rotations as rot
 from perfanim.core.geometry.rig_file import save_rig
 from perfanim.core.markers.marker_frame_codec import pack_stamped
 from perfanim.core.markers.marker_take import MarkerTake, save_take
+from perfanim.core.markers.source_noise import noise_of
 from perfanim.core.session.delayed_poses import DelayedPoses
 from perfanim.core.session.session import Session
 from perfanim.core.solver.settings import SolveSettings
@@ -47,7 +48,7 @@ def recorded(tmp_path_factory, true_markers, subject, database, stage_rig, recor
     session = Session(subject, database, stage_rig, SolveSettings.of_table(setup.settings))
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(writer_module, "SETTINGS", WriterSettings(write_every_s=3600.0))  # this plays the thread
-        held, delayed = deque(), DelayedPoses()
+        held, delayed = deque(), DelayedPoses(noise_of(subject.marker_set.points))
         writer = TakeWriter(folder / "walk.perftake", setup, TakeNotes("Walk 1", character="Xbot"))
         for number in (n for n in range(len(true_markers)) if n not in LOST):
             frame = record(true_markers[number], number, cameras=True, fps=FPS, hidden=((5, 0),) if number > 40 else ())

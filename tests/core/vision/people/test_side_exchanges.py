@@ -85,3 +85,23 @@ def test_points_that_are_not_found_change_nothing(points_m):
     nothing = np.full((len(rig), len(POINTS), 2), np.nan)
     for frame in range(5):
         np.testing.assert_array_equal(exchanges.step(frame / FPS, nothing)[0], np.arange(len(POINTS)))
+
+
+def test_a_picture_that_places_arms_between_both_sides_is_left_out(points_m):
+    rig, random, exchanges = (
+        default_rig(),
+        np.random.default_rng(0),
+        SideExchanges(default_rig().cameras, POINTS.markers),
+    )
+    between = np.where(np.isin(np.arange(len(POINTS)), LIMBS["arms"])[:, None], 0.5, 0.0)
+    found = []
+    for frame in range(40):
+        seen_m = points_m[frame] + random.normal(0.0, 0.006, (len(rig), *points_m.shape[1:]))
+        if 20 <= frame < 23:
+            seen_m[1] += between * (seen_m[1, OTHERS] - seen_m[1])
+        pixels = [camera.project(each_m) for camera, each_m in zip(rig.cameras, seen_m, strict=True)]
+        found.append(exchanges.step(frame / FPS, np.array(undistort_all(rig.cameras, pixels))))
+    left_out = np.array(found) < 0
+    expected = np.zeros_like(left_out)
+    expected[20:23, 1, LIMBS["arms"]] = True
+    np.testing.assert_array_equal(left_out, expected)
