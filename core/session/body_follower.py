@@ -72,7 +72,9 @@ class BodyFollower:
         if doubts:
             frozen = self._frozen.step(points_m, elapsed_s)
             points_m = np.where(frozen[:, None], np.nan, points_m)
-        found = self._smoother.step(time_s, points_m, self._carried(elapsed_s) if doubts and self._gates_jumps else None)
+        found = self._smoother.step(
+            time_s, points_m, self._carried(elapsed_s) if doubts and self._gates_jumps else None
+        )
         smoothed = observation.smoothed(found.points_m, found.deviations_m, self._source)
         observation = replace(observation, points_m=found.believed.points_m)
         self.before = self.state

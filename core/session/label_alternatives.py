@@ -7,6 +7,7 @@ hypotheses, unless they are hopeless, until the motion shows which are right.
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -27,7 +28,7 @@ class AlternativeSettings:
     """Settings of `LabelAlternatives`; costs are negative log likelihoods, nats."""
 
     near_m: float = 0.02  # distance from the closest example below which a nearer one makes no difference
-    born: int = 1  # most hypotheses that begin in one frame, because each is solved
+    born: int = 2  # most hypotheses that begin after a search, one a frame, because each is solved
     hopeless: float = 15.0  # cost above which a hypothesis is dropped, or not begun
     start: float = 3.0  # initial cost of labels found by a search
     followed: float = 10.0  # further cost if they relabel markers that were tracked confidently
@@ -59,6 +60,16 @@ class _Searched:
     is_confident: Mask  # (M,) markers that had been tracked confidently
 
 
+class _Alternative(NamedTuple):
+    """Labels that a search has found."""
+
+    labels: IntArray  # (N,)
+    cost: float  # relative to the current labels
+    moved_m: float  # largest distance by which they move a marker
+    differs: bool  # they are not the current labels
+    contradicts: bool  # they relabel markers that were tracked confidently
+
+
 class LabelAlternatives:
     """Finds alternatives to the labels of a tracked body, and tells how certain the labels are.
 
@@ -78,6 +89,7 @@ class LabelAlternatives:
             start: Labels of points_m (N, 3) with which the hypothesis begins, and their alternatives.
         """
         self._judged, self._moved_m, self._was_confident = lineage, np.inf, False
+        self._waiting: list[_Alternative] = []
         self._followed: list[PointHypothesis] = []
         self._searched: _Searched | None = None
         self._searched_s = -np.inf
@@ -90,7 +102,8 @@ class LabelAlternatives:
         """Return the farthest that other likely labels would move a marker of the best hypothesis, 0 without any."""
         best_m = hypotheses[0].tracked.observation.points_m
         likely = [each.tracked.observation.points_m for each in hypotheses[1:] if each.cost <= _S.start + _S.sure]
-        return max(self._moved_m, *(_moved_m(best_m, other_m) for other_m in likely)) if likely else self._moved_m
+        waiting = [each.moved_m for each in self._waiting if each.differs and each.cost <= _S.sure]
+        return max([self._moved_m, *waiting, *(_moved_m(best_m, other_m) for other_m in likely)])
 
     def step(
         self, hypotheses: Sequence[PointHypothesis], frame: MarkerFrame, elapsed_s: float, suspect: bool
@@ -109,7 +122,11 @@ class LabelAlternatives:
         self._confirm_refuted(hypotheses)
         if self._was_confident and not best.labeller.is_confident.any():
             self._moved_m = np.inf  # after a cut, or hidden, a body may be another
-        calm = not suspect and self._moved_m == 0.0 and all(each.cost > _S.start + _S.sure for each in hypotheses[1:])
+        calm = (
+            not (suspect or self._waiting)
+            and self._moved_m == 0.0
+            and all(each.cost > _S.start + _S.sure for each in hypotheses[1:])
+        )
         if calm:
             best.labeller.confirm(best.tracked.observation.located)
         self._was_confident = bool(best.labeller.is_confident.any())
@@ -119,10 +136,13 @@ class LabelAlternatives:
             self._begin_search(best, frame)
         if self._searched is None or (best.tracked.solution and best.tracked.solution.reinitialised):
             return []
-        if not self._searched.search.advance(WORK_UNHURRIED if calm else WORK):
-            return []
-        searched, self._searched = self._searched, None
-        born = self._born(searched, best, frame)
+        if not self._waiting:
+            if not self._searched.search.advance(WORK_UNHURRIED if calm else WORK):
+                return []
+            self._waiting = self._alternatives(self._searched)
+        born = self._begin_next(self._searched, best, frame)
+        if not self._waiting:
+            self._searched = None
         self._followed += born
         return born
 
@@ -133,6 +153,11 @@ class LabelAlternatives:
             nearest_m = tracked.solution.nearest_m if tracked.solution else 0.0
         likely_m = min(nearest_m, self._familiar_m) if located else 0.0
         return located * math.log(math.hypot(likely_m, _S.near_m))
+
+    def _closest_cost(self, hypothesis: PointHypothesis) -> float:
+        """Return `example_cost` for the closest example to a hypothesis's markers, whatever the motion before."""
+        tracked = hypothesis.tracked
+        return self.example_cost(tracked, hypothesis.follower.closest_m(tracked.observation))
 
     def _confirm_refuted(self, hypotheses: Sequence[PointHypothesis]) -> None:
         """Treat the best labels as certain where they differ from labels that the motion has refuted."""
@@ -152,47 +177,46 @@ class LabelAlternatives:
         search = LabelSearch(self._initial, frame.points_m, self._torso)
         self._searched, self._searched_s = _Searched(search, observed_m, cost, best.labeller.is_confident), frame.time_s
 
-    def _born(self, searched: _Searched, best: PointHypothesis, frame: MarkerFrame) -> list[PointHypothesis]:
-        """Return hypotheses with labels that a search has found; note how far other likely ones move the markers."""
-        fresh = self.example_cost(best.tracked, best.follower.closest_m(best.tracked.observation))
-        # the body may have lost its way with the right labels
-        renewed = min(fresh - self.example_cost(best.tracked) + _S.start, 0.0)
-        born: list[PointHypothesis] = []
+    def _alternatives(self, searched: _Searched) -> list[_Alternative]:
+        """Return the labels that a search has found and that are to be followed; note how far others move markers."""
+        found: list[_Alternative] = []
         self._moved_m = 0.0
         for labels, found_cost in searched.search.labellings():
             other_m = by_marker(searched.search.points_m, labels, len(self._torso))
             differs, contradicts = _differences(searched, other_m)
-            if not differs and not renewed:
-                continue
             cost = found_cost - searched.cost + _S.followed * contradicts if differs else 0.0
-            if cost + _S.start <= _S.hopeless and len(born) < _S.born:
-                other = self._begun(*searched.search.carry(labels), contradicts, best, frame, not differs)
-                if other is None:
-                    continue
-                if differs:  # without history, nothing else of this frame can be compared
-                    cost += self.example_cost(other.tracked) - fresh
-                other.cost = renewed + cost + (_S.start if differs else 0.0)
-                born.append(other)
+            other = _Alternative(labels, cost, _moved_m(searched.observed_m, other_m), differs, contradicts)
+            if cost + _S.start <= _S.hopeless and (not differs or sum(each.differs for each in found) < _S.born):
+                found.append(other)
             elif cost <= _S.sure:
-                self._moved_m = max(self._moved_m, _moved_m(searched.observed_m, other_m))
-        return born
+                self._moved_m = max(self._moved_m, other.moved_m)
+        return found
+
+    def _begin_next(self, searched: _Searched, best: PointHypothesis, frame: MarkerFrame) -> list[PointHypothesis]:
+        """Begin one of the alternatives that wait; only one a frame, because each is solved.
+
+        Without history, nothing of a frame can be compared but the labels and the examples that are closest to them. If
+        an example is much closer than those that the body follows, the body has lost its way with the right labels.
+        """
+        fresh = self._closest_cost(best)
+        renewed = min(fresh - self.example_cost(best.tracked) + _S.start, 0.0)
+        while self._waiting:
+            other = self._waiting.pop(0)
+            begun = self._begun(searched, other, best, frame) if other.differs or renewed else None
+            if begun is not None:
+                begun.cost = renewed + (other.cost + _S.start if other.differs else 0.0)
+                if begun.begun is NoteKind.RELABELLED:  # more markers are always farther from an example than fewer
+                    begun.cost += self._closest_cost(begun) - fresh
+                return [begun]
+        return []
 
     def _begun(
-        self,
-        labeller: Labeller,
-        labels: IntArray,
-        contradicts: bool,
-        best: PointHypothesis,
-        frame: MarkerFrame,
-        renews: bool,
+        self, searched: _Searched, other: _Alternative, best: PointHypothesis, frame: MarkerFrame
     ) -> PointHypothesis | None:
-        """Return a hypothesis with labels (N,) of a frame, or None if they are those of the best hypothesis.
-
-        Args:
-            renews: Return a new body with the same labels in place of None.
-        """
+        """Return a hypothesis with other labels, or a new body with the same; None if its labels are no others."""
+        labeller, labels = searched.search.carry(other.labels)
         observed_m = best.tracked.observation.points_m
-        is_confident = best.labeller.is_confident & (not contradicts)
+        is_confident = best.labeller.is_confident & (not other.contradicts)
         points, markers = np.nonzero(_is_near(frame.points_m, observed_m))
         labels = labels.copy()
         labels[np.isin(labels, np.flatnonzero(is_confident))] = -1
@@ -201,7 +225,7 @@ class LabelAlternatives:
         labels[points[kept]] = markers[kept]
         is_same = len(points) > 0 and bool(np.all(labels[points] == markers))
         adds = is_same and int(np.sum(labels >= 0)) > len(points)
-        if is_same and not (adds or renews):
+        if is_same and not adds and other.differs:
             return None
         labeller.begin(frame.points_m, labels, is_confident)
         other_m = by_marker(frame.points_m, labels, len(self._torso))

@@ -102,7 +102,8 @@ def test_a_body_that_has_lost_its_way_starts_over_with_the_same_labels(
     found._begin_search(best, frame)
     while not found._searched.search.advance(WORK_ALONE):
         pass
-    born = found._born(found._searched, best, frame)
+    found._waiting = found._alternatives(found._searched)
+    born = found._begin_next(found._searched, best, frame)
     again = [each for each in born if each.begun is NoteKind.NEARER_EXAMPLE]
     assert bool(again) == renewed
     for each in again:
