@@ -13,6 +13,7 @@ from .character_rest_pose import RestAlignment
 
 # poses of a foot whose lowest points are kept: pitch and roll of the foot, bend of the toes, degrees
 _PITCHES, _ROLLS, _BENDS = (-30.0, -15.0, -5.0, 0.0, 5.0, 15.0, 30.0, 45.0, 60.0, 80.0), (-20.0, 0.0, 20.0), (0.0, 40.0)
+_HEEL_M = 0.02  # largest height above the sole of points of the shank's skin that touch the floor
 
 
 def character_sole(
@@ -33,6 +34,29 @@ def character_sole(
     sole = Sole.skinned(points, skin.toe_weights if ball >= 0 else np.zeros(len(points)), to_ball)
     foot = alignment.turns[side + "foot"]
     return _outline(sole).turned(foot, alignment.turns.get(side + "toes", foot))
+
+
+def character_heel(
+    alignment: RestAlignment, joints: Mapping[str, int], side: str, skin: SkinPoints | None, sole: Sole
+) -> Sole | None:
+    """Return the part of a character's sole that its shank moves, as a sole relative to the ankle; None without one.
+
+    Boots and robots may be one piece from the shin to the heel, so that the heel turns with the shank.
+
+    Args:
+        sole: Part of the sole that the foot moves.
+    """
+    if skin is None or side + "tibia" not in joints:
+        return None
+    points = skin.shank @ alignment.armature_from_world / alignment.units_per_metre
+    points = points - alignment.heads_m[joints[side + "foot"]]
+    foot, shank = (alignment.turns[side + name] for name in ("foot", "tibia"))
+    toes = alignment.turns.get(side + "toes", foot)
+    lowest_m = float(sole.lowest_m(rot.conjugate(foot), rot.conjugate(toes)))
+    low = points[points[:, 1] < lowest_m + _HEEL_M]
+    if len(low) == 0:
+        return None
+    return _outline(Sole(low, np.zeros_like(low))).turned(shank, shank)
 
 
 def _bone_ends(rest: ArmatureRest, ankle: int, ball: int) -> SkinPoints:

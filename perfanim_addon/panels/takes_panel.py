@@ -100,9 +100,9 @@ class PERFANIM_PT_takes(SidebarPanel, bpy.types.Panel):
             if bpy.data.filepath:
                 layout.prop(shown, "this_file")
             layout.template_list("PERFANIM_UL_takes", "", shown, "entries", shown, "active", rows=4)
+        panel_drawing.draw_outcome(context, layout, KEY)  # above the take's settings, so that it is on small screens
         if 0 <= shown.active < len(shown.entries):
             _draw_take(context, layout, shown.entries[shown.active])
-        panel_drawing.draw_outcome(context, layout, KEY)
         _draw_room(layout, len(shown.entries))
 
 

@@ -11,7 +11,7 @@ from perfanim.core.body.skeleton import forward_kinematics
 from perfanim.core.geometry.arrays import runs
 from retargeted import played
 
-_FOOT_M = 0.35  # farther than this from the ankle, a vertex is not the foot's
+_FOOT_M = 0.5  # farther than this from the ankle, a vertex is not the foot's; large shoes reach 0.45 m
 
 
 @dataclass(frozen=True)

@@ -96,6 +96,14 @@ def test_a_character_that_hangs_below_its_origin_stands_on_the_floor(
     assert feet.slide_mm < FEET_MM
 
 
+def test_a_robot_whose_heels_are_part_of_its_shins_stands_on_the_floor(shared_dir: Path, tmp_path: Path) -> None:
+    motion = on_floor(clip("walking-01-neutral", 60))
+    robot = shared_dir / "rigs/Godot_mannequiny/platformer/player/player.glb"
+    feet = stood(retarget_file(motion, robot, tmp_path / "out.blend"), motion)
+    assert np.abs(feet.soles_mm.min(axis=1)).max() < FEET_MM
+    assert feet.slide_mm < FEET_MM
+
+
 def test_fbx_characters_are_read(mixamo_blend: Path, tmp_path: Path) -> None:
     open_hero(mixamo_blend)
     bpy.ops.export_scene.fbx(filepath=str(tmp_path / "hero.fbx"), add_leaf_bones=False)
