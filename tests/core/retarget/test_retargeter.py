@@ -109,7 +109,9 @@ def test_heels_that_turn_with_the_shin_stay_on_the_floor() -> None:
         ankle = rest.heads[rest.index[bones.bones[side + "foot"]]]
         flat = [ankle * [1.0, 1.0, 0.0] + [across, ahead, 0.0] for across in (-0.04, 0.04) for ahead in (-0.18, 0.0)]
         heels[side] = ankle * [1.0, 1.0, 0.0] + [0.0, 0.1, 0.0]
-        skins[side] = SkinPoints(np.array(flat), np.zeros(4), np.array([heels[side], ankle + np.array([0.0, 0.05, 0.0])]))
+        skins[side] = SkinPoints(
+            np.array(flat), np.zeros(4), np.array([heels[side], ankle + np.array([0.0, 0.05, 0.0])])
+        )
     lowest_mm = []
     for known in (False, True):
         shanks = {side: skin.shank if known else np.empty((0, 3)) for side, skin in skins.items()}
