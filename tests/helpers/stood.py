@@ -35,7 +35,7 @@ def stood(done: dict[str, Any], motion: Motion, first: int = 1) -> Stood:
     """Measure what `retarget_file` has done; its scene is open, at one frame of the motion a frame from the `first`."""
     armature_object = bpy.data.objects[done["armature"]]
     bones = done["mapped"]
-    scale = done["scale"] * float(np.mean(np.array(armature_object.matrix_world.to_scale())))
+    scale = done["scale"] * _world_scale(done)
     feet = [bones[side + "foot"] for side in "lr"]
     matrices = played(armature_object, motion.frames, feet, first)
     ankles = np.stack([matrices[foot][:, :3, 3] for foot in feet], axis=1)
@@ -66,6 +66,24 @@ def stood(done: dict[str, Any], motion: Motion, first: int = 1) -> Stood:
         1000.0 * _drift(own_balls[..., [0, 2]], standing),
         standing,
     )
+
+
+def read_back(done: dict[str, Any], fps: float) -> tuple[dict[str, Any], int]:
+    """Open what `retarget_file` has written as FBX or glTF; return its report for that scene, and its first frame."""
+    before = _world_scale(done)
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    bpy.context.scene.render.fps = round(fps)
+    is_fbx = done["out"].endswith(".fbx")
+    if is_fbx:
+        bpy.ops.import_scene.fbx(filepath=done["out"], anim_offset=0.0)
+    else:
+        bpy.ops.import_scene.gltf(filepath=done["out"])
+    again = done | {"armature": next(obj.name for obj in bpy.data.objects if obj.type == "ARMATURE")}
+    return again | {"scale": done["scale"] * before / _world_scale(again)}, int(is_fbx)
+
+
+def _world_scale(done: dict[str, Any]) -> float:
+    return float(np.mean(np.array(bpy.data.objects[done["armature"]].matrix_world.to_scale())))
 
 
 def _drift(places: np.ndarray, standing: np.ndarray) -> float:
