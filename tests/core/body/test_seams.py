@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 from perfanim.core.body.looping import looped, repeated
 from perfanim.core.body.motion import Motion, sliced
-from perfanim.core.body.moved_feet import balls_m, floor_height_m, hold_planted, planted_feet
+from perfanim.core.body.moved_feet import floor_height_m, hold_planted
 from perfanim.core.body.seams import continued, heading
 from perfanim.core.body.skeleton import forward_kinematics
+from perfanim.core.body.standing_feet import balls_m, planted_feet
 from perfanim.core.errors import SettingsError
 from perfanim.core.formats.motion.read_motion import read_motion
 from perfanim.core.geometry.arrays import runs
