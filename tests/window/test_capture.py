@@ -18,7 +18,7 @@ MEASURED_S = 10.0
 ROUNDS = 5
 WANTED_RATIO = 0.9
 BUSY_S = 15.0
-GHOST_COLOUR, GHOST_PX = (119, 131, 148), 60  # red, green, blue over the viewport's grey; fewest pixels
+GHOST_COLOUR, GHOST_PX = (228, 186, 179), 60  # red, green, blue over the selected bones; fewest pixels
 FIRST_FRAMES = 30  # in which all counters and a busy machine's notice have come
 
 
