@@ -8,6 +8,7 @@ import numpy as np
 from ...core.geometry.arrays import Array
 from ...core.retarget.armature_rest import ArmatureRest
 from ...core.retarget.character_fit import SkinPoints
+from ...core.retarget.driven_bones import neighbours
 
 _SAME_HEAD = (
     0.01  # largest distance, as a fraction of the body's extent, of the heads of bones that stand for each other
@@ -34,7 +35,8 @@ def foot_skins(
             continue
         ankle = rest.index[bones[side + "foot"]]
         foot = _followers(rest, ankle)
-        toes = _followers(rest, rest.index[bones[side + "toes"]]) if side + "toes" in bones else set()
+        balls = [rest.index[bones[side + "toes"]]] if side + "toes" in bones else []
+        toes = set().union(*(_followers(rest, toe) for ball in balls for toe in (ball, *neighbours(rest, ball))))
         shank = _followers(rest, rest.index[bones[side + "tibia"]]) - foot if side + "tibia" in bones else set()
         near = rest.heads[ankle], _REACH * float(np.ptp(rest.heads, axis=0).max())
         skins = [_skin(armature_object, mesh, near, (foot, toes, shank)) for mesh in meshes]

@@ -40,8 +40,9 @@ def stood(done: dict[str, Any], motion: Motion, first: int = 1) -> Stood:
     matrices = played(armature_object, motion.frames, feet, first)
     ankles = np.stack([matrices[foot][:, :3, 3] for foot in feet], axis=1)
     floor = float(armature_object.matrix_world.translation.z)
+    ends = done.get("ends") or _ends(armature_object, feet)
     soles = np.array(
-        [_lowest(armature_object, feet, first + frame, ankles[frame], scale) for frame in range(motion.frames)]
+        [_lowest(armature_object, ends, first + frame, ankles[frame], scale) for frame in range(motion.frames)]
     )
     rest = {
         name: np.array(armature_object.matrix_world @ armature_object.data.bones[name].matrix_local) for name in feet
@@ -71,6 +72,8 @@ def stood(done: dict[str, Any], motion: Motion, first: int = 1) -> Stood:
 def read_back(done: dict[str, Any], fps: float) -> tuple[dict[str, Any], int]:
     """Open what `retarget_file` has written as FBX or glTF; return its report for that scene, and its first frame."""
     before = _world_scale(done)
+    # the formats keep no tails of bones: on a character without a mesh, the points that are looked at come along
+    ends = _ends(bpy.data.objects[done["armature"]], [done["mapped"][side + "foot"] for side in "lr"])
     bpy.ops.wm.read_factory_settings(use_empty=True)
     bpy.context.scene.render.fps = round(fps)
     is_fbx = done["out"].endswith(".fbx")
@@ -79,7 +82,7 @@ def read_back(done: dict[str, Any], fps: float) -> tuple[dict[str, Any], int]:
     else:
         bpy.ops.import_scene.gltf(filepath=done["out"])
     again = done | {"armature": next(obj.name for obj in bpy.data.objects if obj.type == "ARMATURE")}
-    return again | {"scale": done["scale"] * before / _world_scale(again)}, int(is_fbx)
+    return again | {"scale": done["scale"] * before / _world_scale(again), "ends": ends}, int(is_fbx)
 
 
 def _world_scale(done: dict[str, Any]) -> float:
@@ -95,8 +98,23 @@ def _drift(places: np.ndarray, standing: np.ndarray) -> float:
     return worst
 
 
+def _ends(armature_object: bpy.types.Object, feet: list[str]) -> list[list[tuple[str, np.ndarray]]]:
+    """For each foot the ends of its bones: bone, and place in the scene at rest."""
+    space, found = np.array(armature_object.matrix_world), []
+    for name in feet:
+        foot = armature_object.data.bones[name]
+        below = [(bone.name, end) for bone in foot.children_recursive for end in (bone.head_local, bone.tail_local)]
+        ends = [(name, foot.head_local), *(below or [(name, foot.tail_local)])]
+        found.append([(bone, (space @ [*end, 1.0])[:3]) for bone, end in ends])
+    return found
+
+
 def _lowest(
-    armature_object: bpy.types.Object, feet: list[str], frame: int, ankles: np.ndarray, scale: float
+    armature_object: bpy.types.Object,
+    ends: list[list[tuple[str, np.ndarray]]],
+    frame: int,
+    ankles: np.ndarray,
+    scale: float,
 ) -> list[float]:
     """Heights in the scene of the lowest points of both feet: of the meshes, or else of the bones."""
     bpy.context.scene.frame_set(frame)
@@ -117,10 +135,11 @@ def _lowest(
         near = [(away[:, foot] < _FOOT_M * scale) & (away[:, foot] <= away[:, 1 - foot]) for foot in range(2)]
         if min(np.count_nonzero(each) for each in near) > 20:  # else the mesh is something else, and the bones stand
             return [float(every[each, 2].min()) for each in near]
-    posed = armature_object.evaluated_get(graph)
-    found = []
-    for foot in feet:
-        bone = posed.pose.bones[foot]
-        below = [end for each in bone.children_recursive for end in (each.head, each.tail)] or [bone.tail]
-        found.append(min(float((posed.matrix_world @ end).z) for end in (bone.head, *below)))
-    return found
+    posed, space = armature_object.evaluated_get(graph), np.array(armature_object.matrix_world)
+    moved = {
+        name: np.array(posed.matrix_world @ posed.pose.bones[name].matrix)
+        @ np.linalg.inv(space @ np.array(armature_object.data.bones[name].matrix_local))
+        for foot in ends
+        for name, _ in foot
+    }
+    return [min(float((moved[name] @ [*place, 1.0])[2]) for name, place in foot) for foot in ends]
