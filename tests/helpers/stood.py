@@ -99,13 +99,14 @@ def _drift(places: np.ndarray, standing: np.ndarray) -> float:
 
 
 def _ends(armature_object: bpy.types.Object, feet: list[str]) -> list[list[tuple[str, np.ndarray]]]:
-    """For each foot the ends of its bones: bone, and place in the scene at rest."""
-    space, found = np.array(armature_object.matrix_world), []
+    """For each foot the ends of its bones: bone, and place in the bone's axes, in units of the scene."""
+    scale, found = float(np.mean(np.array(armature_object.matrix_world.to_scale()))), []
     for name in feet:
         foot = armature_object.data.bones[name]
         below = [(bone.name, end) for bone in foot.children_recursive for end in (bone.head_local, bone.tail_local)]
         ends = [(name, foot.head_local), *(below or [(name, foot.tail_local)])]
-        found.append([(bone, (space @ [*end, 1.0])[:3]) for bone, end in ends])
+        axes = {bone: np.linalg.inv(np.array(armature_object.data.bones[bone].matrix_local)) for bone, _ in ends}
+        found.append([(bone, scale * (axes[bone] @ [*end, 1.0])[:3]) for bone, end in ends])
     return found
 
 
@@ -135,11 +136,7 @@ def _lowest(
         near = [(away[:, foot] < _FOOT_M * scale) & (away[:, foot] <= away[:, 1 - foot]) for foot in range(2)]
         if min(np.count_nonzero(each) for each in near) > 20:  # else the mesh is something else, and the bones stand
             return [float(every[each, 2].min()) for each in near]
-    posed, space = armature_object.evaluated_get(graph), np.array(armature_object.matrix_world)
-    moved = {
-        name: np.array(posed.matrix_world @ posed.pose.bones[name].matrix)
-        @ np.linalg.inv(space @ np.array(armature_object.data.bones[name].matrix_local))
-        for foot in ends
-        for name, _ in foot
-    }
-    return [min(float((moved[name] @ [*place, 1.0])[2]) for name, place in foot) for foot in ends]
+    posed = armature_object.evaluated_get(graph)
+    own = float(np.mean(np.array(posed.matrix_world.to_scale())))
+    moved = {name: np.array(posed.matrix_world @ posed.pose.bones[name].matrix) for foot in ends for name, _ in foot}
+    return [min(float((moved[name] @ [*(place / own), 1.0])[2]) for name, place in foot) for foot in ends]
