@@ -14,13 +14,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from mpfb_layouts import save_layout
 from perfanim.core.body.motion import sliced
 from perfanim.core.body.standing_on_floor import on_floor
 from perfanim.core.errors import PerfanimError
 from perfanim.core.formats.motion.read_motion import read_motion
 from perfanim.core.system.assets import MOTION
 from perfanim.perfanim_addon.export.retarget_file import retarget_file
-from mpfb_layouts import save_layout
 from retargeted import measured
 from stood import read_back, stood
 
