@@ -82,7 +82,18 @@ def read_back(done: dict[str, Any], fps: float) -> tuple[dict[str, Any], int]:
     else:
         bpy.ops.import_scene.gltf(filepath=done["out"])
     again = done | {"armature": next(obj.name for obj in bpy.data.objects if obj.type == "ARMATURE")}
+    if is_fbx:
+        _disconnect(bpy.data.objects[again["armature"]])
     return again | {"scale": done["scale"] * before / _world_scale(again), "ends": ends}, int(is_fbx)
+
+
+def _disconnect(armature_object: bpy.types.Object) -> None:
+    """Free the hips that Blender's FBX importer connects to the bone above, as docs/export.md advises."""
+    bpy.context.view_layer.objects.active = armature_object
+    bpy.ops.object.mode_set(mode="EDIT")
+    for bone in armature_object.data.edit_bones:
+        bone.use_connect = False
+    bpy.ops.object.mode_set(mode="OBJECT")
 
 
 def _world_scale(done: dict[str, Any]) -> float:
