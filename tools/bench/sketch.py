@@ -264,9 +264,9 @@ def _reach(skeleton: Skeleton, rotations: Array, root_m: Array, goals: dict[str,
         positions, world = forward_kinematics(skeleton, rotations, root_m)
         bones = [positions[lower] - positions[upper], positions[end] - positions[lower]]
         vectors = (goal - positions[upper], np.cross(*bones), positions[end] - positions[upper])
-        lengths_m = [float(np.linalg.norm(bone)) for bone in bones]
+        first_m, second_m = (float(np.linalg.norm(bone)) for bone in bones)
         reach, normal, unreached = map(c.components, vectors)
-        ways = two_bone_directions(reach, normal, *lengths_m, unreached, _STRAIGHTEST)
+        ways = two_bone_directions(reach, normal, first_m, second_m, unreached, _STRAIGHTEST)
         turn = rot.between(vectors[2], vectors[0])  # of the whole limb, before its bones bend
         first, second = (
             rot.multiply(rot.between(rot.rotate(turn, bone), c.stacked(way)), rot.multiply(turn, world[joint]))
