@@ -1,25 +1,18 @@
-"""Gaussian of neighbouring poses, conditioned on the past and fitted to markers.
+"""Gaussians of a pose, conditioned on more observations and fitted to markers.
 
-The neighbours' poses, their earlier markers and their earlier poses have a joint Gaussian distribution, widened by a
-fraction of the whole database's covariance, so that it still allows only movements that bodies make (a knee does not
-twist). The pose given the past is a linear regression (Bishop 2006, Eq. 2.81); the pose expected from the continued
-motion is a second observation. Then pose and root are fitted together to the current markers by Gauss-Newton steps
-under that prior, in the dual form, which inverts a matrix of the size of the markers, not of the pose (iterated Kalman
-update, Bell and Cathey 1993).
+To the neighbours' prior (see `neighbours_prior`), the pose expected from the continued motion is a second observation.
+Then pose and root are fitted together to the current markers by Gauss-Newton steps under that prior, in the dual form,
+which inverts a matrix of the size of the markers, not of the pose (iterated Kalman update, Bell and Cathey 1993).
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.linalg.blas import dgemm, dsyrk, dtrsm, ssyrk
-from scipy.linalg.lapack import dposv, dpotrf, dtrtrs
 
 from ..geometry import rotations as rot
-from ..geometry.arrays import Array, Mask
+from ..geometry.arrays import Array
 from ..kernel.library import address, checked, contiguous, function, stage
 from .observation import Observation, control_jacobian, control_residual, control_sigmas
 from .subject_model import RootPose, SubjectModel
@@ -27,85 +20,47 @@ from .subject_model import RootPose, SubjectModel
 _EXPECTED_SIGMA_M = 0.01  # standard deviation of a marker about its position on the body: skin motion and model errors
 _LIMIT_RAD = 0.02  # standard deviation of the part of an angle that is beyond the joint's limit
 _FIRST_DAMPING, _DAMPING_GROWTH = 1.0, 4.0  # damping after a step increased the cost, and its growth after more
-_TINY = np.float32(1e-3)  # differences below about a ten-millionth of this are rounded to zero
 _STRAIGHT_RAD = 0.05  # largest rotation in a step for which the model is linear enough to stop
 
 
-@dataclass(frozen=True)
-class Prior:
+class Prior(NamedTuple):
     """Gaussian of a pose: mean (D,) and covariance (D, D)."""
 
     mean: Array
     covariance: Array
 
 
-def neighbours_prior(
-    samples: NDArray[Any], weights: Array, floor: NDArray[Any], observed: Array, variances: Array
-) -> Prior:
-    """Return the Gaussian of the neighbours' first entries given the last m (Bishop 2006, Eq. 2.81).
-
-    Single precision is enough for the differences between samples.
-
-    Args:
-        samples: Neighbours (K, D + m).
-        weights: Their positive weights (K,), with sum 1.
-        floor: Covariance (D + m, D + m) added to that of the neighbours, so that entries that are equal in all
-            neighbours can still change.
-        observed: Observed values (m,) of the last entries, NaN where unknown.
-        variances: Variances (m,) of the observations.
-    """
-    kept, seen = samples.shape[1] - len(observed), np.isfinite(observed)
-    if not seen.all():
-        columns = np.concatenate((np.arange(kept), kept + np.flatnonzero(seen)))
-        samples, floor = samples[:, columns], floor[np.ix_(columns, columns)]
-        observed, variances = observed[seen], variances[seen]
-    spread, shift = weighted_spread(samples, weights)
-    mean = samples[0] + shift.astype(np.float64)
-    syrk = ssyrk if spread.dtype == np.float32 else dsyrk
-    covariance = syrk(1.0, spread.T, 1.0, floor.T)  # only the upper triangle, because no more is used
-    # double precision from here on, because in single precision subnormal numbers would occur
-    across, own = (
-        np.asfortranarray(part, dtype=np.float64) for part in (covariance[:kept, kept:], covariance[kept:, kept:])
-    )
-    _add_to_diagonal(own, variances)
-    across, moved = _regress(across, own, observed - mean[kept:])
-    given = covariance[:kept, :kept].astype(np.float64)
-    return Prior(mean[:kept] + moved, np.where(_lower(kept), given.T, given) - _product(across, across.T))
+_CONTINUE = function("continue_prior", "nppppppp")
 
 
-_SPREAD = function("weighted_spread", "nnppfpp")
+def _compiled_continue(prior: Prior, expected: Array, covariance: Array) -> Prior:
+    size = len(prior.mean)
+    work, mean, result = np.empty(2 * size * (2 * size + 4)), np.empty(size), np.empty((size, size))
+    given = map(contiguous, (*prior, expected, covariance))
+    checked(_CONTINUE(size, *given, address(work), address(mean), address(result)))
+    return Prior(mean, result)
 
 
-def _compiled_spread(samples: NDArray[Any], weights: Array) -> tuple[NDArray[Any], NDArray[Any]]:
-    if samples.dtype != np.float32:
-        return weighted_spread.numpy_body(samples, weights)
-    spread, shift = np.empty(samples.shape, dtype=np.float32), np.empty(samples.shape[1], dtype=np.float32)
-    kept = contiguous(samples, np.float32), contiguous(weights, np.float32)
-    checked(_SPREAD(*samples.shape, *kept, float(_TINY), address(spread), address(shift)))
-    return spread, shift
-
-
-@stage(_compiled_spread)
-def weighted_spread(samples: NDArray[Any], weights: Array) -> tuple[NDArray[Any], NDArray[Any]]:
-    """Return samples (K, n) minus their weighted mean, times the roots of the weights (K,), and the mean's shift (n,).
-
-    The shift is the mean's difference from the first sample.
-    """
-    shares = weights.astype(samples.dtype)
-    spread = samples - samples[0]
-    shift = shares @ spread
-    spread -= shift
-    # round tiny differences to zero: their products would be subnormal numbers, which are slow
-    spread += _TINY
-    spread -= _TINY
-    spread *= np.sqrt(shares)[:, None]
-    return spread, shift
-
-
+@stage(_compiled_continue)
 def continue_prior(prior: Prior, expected: Array, covariance: Array) -> Prior:
     """Return a prior updated with a second estimate of the pose: its mean (D,) and covariance (D, D)."""
-    across, moved = _regress(prior.covariance.T, (prior.covariance + covariance).T, expected - prior.mean)
-    return Prior(prior.mean + moved, prior.covariance - _product(across, across.T))
+    return conditioned(prior, prior.covariance, prior.covariance + covariance, expected - prior.mean)
+
+
+def conditioned(prior: Prior, across: Array, own: Array, innovation: Array) -> Prior:
+    """Return a Gaussian (D,) given observations (m,) of other variables (Bishop 2006, Eq. 2.81).
+
+    Args:
+        across: Covariance (D, m) with the observations.
+        own: Covariance (m, m) of the observations.
+        innovation: Observations (m,) minus their expectation.
+
+    Raises:
+        LinAlgError: The observations' covariance is not positive definite.
+    """
+    whitened = _whiten(own, np.column_stack((across.T, innovation)))[0]
+    explained = whitened[:, :-1].T  # a square root (D, m) of the explained covariance
+    return Prior(prior.mean + explained @ whitened[:, -1], prior.covariance - explained @ explained.T)
 
 
 def widen_joints(prior: Prior, other: Prior, inflations: Array, share: float) -> Prior:
@@ -128,59 +83,20 @@ def widen_joints(prior: Prior, other: Prior, inflations: Array, share: float) ->
     return Prior(prior.mean, prior.covariance * widened * widened[:, None])
 
 
-def _regress(across: NDArray[Any], own: NDArray[Any], innovation: Array) -> tuple[NDArray[Any], Array]:
-    """Regress the entries (D,) of a Gaussian on observations (m,) of others.
-
-    Args:
-        across: Covariance (D, m) between the entries and the observations.
-        own: Upper triangle of the observations' covariance (m, m).
-        innovation: Observations (m,) minus their expectation.
-
-    Returns:
-        A square root (D, m) of the explained covariance, and the change (D,) of the entries' mean.
-    """
-    if len(own) == 0:  # LAPACK rejects empty matrices
-        return across, np.zeros(len(across))
-    factor, failed = dpotrf(own)
-    if failed:
-        raise np.linalg.LinAlgError(f"the leading minor {failed} of a covariance is not positive")
-    explained = np.asarray(dtrsm(1.0, factor, across, side=1))
-    return explained, explained @ dtrsm(1.0, factor, innovation, trans_a=1).ravel()
-
-
-@lru_cache(maxsize=4)
-def _lower(size: int) -> Mask:
-    """Return a mask of the entries on and below a square matrix's diagonal."""
-    return np.tri(size, dtype=np.bool_)
-
-
 def _add_to_diagonal(matrix: Array, values: Array | float) -> None:
     matrix.flat[:: len(matrix) + 1] += values  # faster than diag_indices
 
 
-def _product(left: Array, right: Array) -> Array:
-    """Return left @ right, computed by SciPy's OpenBLAS because Blender's NumPy may be slow."""
-    return np.asarray(dgemm(1.0, right.T, left.T)).T
+def _whiten(covariance: Array, right: Array) -> tuple[Array, Array]:
+    """Return L^-1 right and L, where L L^T is the covariance."""
+    factor = np.linalg.cholesky(covariance)
+    return np.linalg.solve(factor, right), factor
 
 
 def _solve(covariance: Array, right: Array) -> Array:
-    """Return the inverse of a positive definite matrix times another matrix."""
-    if len(covariance) == 0:  # LAPACK rejects empty matrices
-        return right
-    _, solved, failed = dposv(covariance.T, right)  # SciPy's wrappers would take longer than solving a small system
-    if failed:
-        raise np.linalg.LinAlgError(f"the leading minor {failed} of a covariance is not positive")
-    return np.asarray(solved)
-
-
-def _whiten(covariance: Array, right: Array) -> tuple[Array, Array]:
-    """Return L^-1 right and L, where L L^T is the covariance."""
-    if len(covariance) == 0:
-        return right, covariance
-    factor, failed = dpotrf(covariance.T, lower=1)
-    if failed:
-        raise np.linalg.LinAlgError(f"the leading minor {failed} of a covariance is not positive")
-    return np.asarray(dtrtrs(factor, right, lower=1)[0]), factor
+    """Return the inverse of a positive definite matrix times a vector."""
+    whitened, factor = _whiten(covariance, right)
+    return np.asarray(np.linalg.solve(factor.T, whitened))
 
 
 @dataclass(frozen=True)
@@ -252,7 +168,7 @@ def observed_covariance(jacobian: Array, root_variances: Array, covariance: Arra
         covariance: Covariance (D, D) of the pose.
     """
     by_root, by_pose = jacobian[:, :6], jacobian[:, 6:]
-    gains = np.concatenate((root_variances[:, None] * by_root.T, _product(covariance, by_pose.T)))
+    gains = np.concatenate((root_variances[:, None] * by_root.T, covariance @ by_pose.T))
     return gains, jacobian @ gains
 
 

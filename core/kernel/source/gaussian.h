@@ -16,43 +16,8 @@ EXPORT int64_t STAGE(observed_covariance)(int64_t rows, int64_t size, const doub
       if (share == 0.0) continue; /* joints that do not move the marker */
       for (int64_t j = 0; j < size; j++) out[6 + j] += share * row[j];
     }
-    for (int64_t j = 0; j <= i; j++) {
-      const double *other = jacobian + j * width;
-      v4d sums = {0.0};
-      double rest = 0.0;
-      int64_t k = 0;
-      for (; k + 4 <= width; k += 4) {
-        v4d a, b;
-        memcpy(&a, out + k, sizeof a);
-        memcpy(&b, other + k, sizeof b);
-        sums += a * b;
-      }
-      for (; k < width; k++) rest += out[k] * other[k];
-      across[i * rows + j] = across[j * rows + i] = ((sums[0] + sums[2]) + (sums[1] + sums[3])) + rest;
-    }
-  }
-  return 0;
-}
-
-/* spread (K, n): differences of samples (K, n) from their mean, times the roots of weights (K,); shift (n,): the mean's
-   difference from the first sample. */
-EXPORT int64_t STAGE(weighted_spread)(int64_t count, int64_t size, const float *samples, const float *weights,
-                                      float tiny, float *restrict spread, float *restrict shift) {
-  for (int64_t j = 0; j < size; j++) shift[j] = 0.0f;
-  for (int64_t k = 0; k < count; k++) {
-    const float *restrict row = samples + k * size;
-    float weight = weights[k];
-    for (int64_t j = 0; j < size; j++) shift[j] += weight * (row[j] - samples[j]);
-  }
-  for (int64_t k = 0; k < count; k++) {
-    const float *restrict row = samples + k * size;
-    float *restrict out = spread + k * size;
-    float root = sqrtf(weights[k]);
-    for (int64_t j = 0; j < size; j++) {
-      float away = (row[j] - samples[j]) - shift[j];
-      float rounded = away + tiny; /* adding and subtracting rounds tiny differences to zero */
-      out[j] = (rounded - tiny) * root;
-    }
+    for (int64_t j = 0; j <= i; j++)
+      across[i * rows + j] = across[j * rows + i] = STAGE(dot)(width, out, jacobian + j * width);
   }
   return 0;
 }
@@ -60,9 +25,9 @@ EXPORT int64_t STAGE(weighted_spread)(int64_t count, int64_t size, const float *
 /* A Gaussian of rotation vectors (J, 3), with standard deviations (J, 3) and their correlation (3 J, 3 J), relative to
    other reference rotations. The vectors' quaternions are multiplied by change (J, 4, 4); back (J, 3, 3) turns their
    small rotations. moved (J, 3) and covariance (3 J, 3 J) are the results; slopes: work for 9 J values. */
-EXPORT int64_t STAGE(moved_gaussian)(int64_t joints, const double *vectors, const double *sigmas, const double *change,
-                                     const double *back, const double *correlation, double *slopes, double *moved,
-                                     double *covariance) {
+static void STAGE(moved_gaussian)(int64_t joints, const double *vectors, const double *sigmas, const double *change,
+                                  const double *back, const double *correlation, double *slopes, double *moved,
+                                  double *covariance) {
   int64_t width = 3 * joints;
   for (int64_t n = 0; n < joints; n++) {
     const double *v = vectors + 3 * n, *c = change + 16 * n;
@@ -96,5 +61,15 @@ EXPORT int64_t STAGE(moved_gaussian)(int64_t joints, const double *vectors, cons
       STAGE(product)(half, other, block);
       for (int i = 0; i < 9; i++) covariance[(3 * n + i / 3) * width + 3 * m + i % 3] = block[i];
     }
+}
+
+/* The same of N vectors (N, J, 3). */
+EXPORT int64_t STAGE(moved_gaussians)(int64_t count, int64_t joints, const double *vectors, const double *sigmas,
+                                      const double *change, const double *back, const double *correlation,
+                                      double *slopes, double *moved, double *covariances) {
+  int64_t width = 3 * joints;
+  for (int64_t n = 0; n < count; n++)
+    STAGE(moved_gaussian)(joints, vectors + n * width, sigmas + n * width, change, back, correlation, slopes,
+                          moved + n * width, covariances + n * width * width);
   return 0;
 }

@@ -1,6 +1,8 @@
 /* All stages, included once for each instruction set. */
 #include "kinematics.h"
+#include "linear.h"
 
 #include "gaussian.h"
+#include "prior.h"
 #include "rigid.h"
 #include "search.h"
