@@ -7,7 +7,7 @@ which inverts a matrix of the size of the markers, not of the pose (iterated Kal
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -111,11 +111,8 @@ class Expectation:
 
     def negative_log_likelihood(self, subject: SubjectModel) -> float:
         """Return the negative log density of the observed markers, for positions in metres."""
-        markers, jacobian = subject.markers_and_jacobian(self.prior.mean.reshape(-1, 3), self.root)
-        unlikely, factor = _innovation(self.prior, self.observation, self.root_sigma, markers, jacobian)
-        return float(
-            0.5 * unlikely @ unlikely + np.log(np.diag(factor)).sum() + 0.5 * len(unlikely) * np.log(2.0 * np.pi)
-        )
+        unlikely, scales = innovation(self.prior, self.observation, self.root, self.root_sigma, subject)
+        return float(0.5 * unlikely @ unlikely + np.log(scales).sum() + 0.5 * len(unlikely) * np.log(2.0 * np.pi))
 
 
 def deviations(
@@ -126,39 +123,47 @@ def deviations(
     subject: SubjectModel,
 ) -> list[float]:
     """Return the RMS distance of the markers from each prior, in standard deviations of that prior."""
-    poses = np.array([prior.mean.reshape(-1, 3) for prior in priors])
-    found = zip(priors, *subject.markers_and_jacobian(poses, root), strict=True)
-    unlikely = [_innovation(prior, observation, root_sigma, markers, full)[0] for prior, markers, full in found]
+    unlikely = [innovation(prior, observation, root, root_sigma, subject)[0] for prior in priors]
     return [float(np.sqrt(rows @ rows / max(len(rows), 1))) for rows in unlikely]
 
 
-def _innovation(
-    prior: Prior, observation: Observation, root_sigma: tuple[float, float], markers: Array, jacobian: Array
-) -> tuple[Array, Array]:
-    """Return the whitened deviations of the markers from a prior, and the Cholesky factor by which they were whitened.
+_INNOVATION = function("innovation", "ppppppppppppp")
 
-    Args:
-        markers: Markers (M, 3) in the prior's mean pose.
-        jacobian: Their Jacobian (M, 3, 6 + D).
-    """
+
+def _compiled_innovation(
+    prior: Prior, observation: Observation, root: RootPose, root_sigma: tuple[float, float], subject: SubjectModel
+) -> tuple[Array, Array]:
+    *controls, counts = _addresses(observation, subject)
+    rows, markers, width = len(observation.controls.markers), len(subject.joints), 6 + len(prior.mean)
+    work, found = np.empty(3 * markers * (1 + width) + rows * (2 * width + rows + 4)), np.empty((2, rows))
+    place = np.concatenate((root.matrix.ravel(), root.position_m))
+    given = contiguous(counts, np.int64), *controls, *map(contiguous, (*prior, place, (*root_sigma, _EXPECTED_SIGMA_M)))
+    checked(_INNOVATION(*given, address(work), address(found[0]), address(found[1])))
+    return found[0], found[1]
+
+
+def _addresses(observation: Observation, subject: SubjectModel) -> tuple[Any, ...]:
+    """Return what `Controls` of the kernel has, and its counts."""
+    body, controls = subject.body, observation.controls
+    counts = np.array([body.joint_count, len(body.joints), len(body.carriers), len(controls.markers)])
+    tables = address(body.indices), address(body.lengths)
+    rows = contiguous(controls.markers, np.int64), contiguous(controls.axes), contiguous(controls.origins_m)
+    return *tables, *rows, counts
+
+
+@stage(_compiled_innovation)
+def innovation(
+    prior: Prior, observation: Observation, root: RootPose, root_sigma: tuple[float, float], subject: SubjectModel
+) -> tuple[Array, Array]:
+    """Return the whitened deviations (R,) of the markers from a prior, and the diagonal of their Cholesky factor."""
+    markers, jacobian = subject.markers_and_jacobian(prior.mean.reshape(-1, 3), root)
     jacobian = control_jacobian(observation, jacobian)
     covariance = observed_covariance(jacobian, np.repeat(np.square(root_sigma), 3), prior.covariance)[1]
     _add_to_diagonal(covariance, _EXPECTED_SIGMA_M**2)
-    return _whiten(covariance, -control_residual(observation, markers))
+    whitened, factor = _whiten(covariance, -control_residual(observation, markers))
+    return whitened, factor.diagonal()
 
 
-_OBSERVED = function("observed_covariance", "nnppppp")
-
-
-def _compiled_covariance(jacobian: Array, root_variances: Array, covariance: Array) -> tuple[Array, Array]:
-    rows, width = jacobian.shape
-    spread, across = np.empty((rows, width)), np.empty((rows, rows))
-    kept = contiguous(jacobian), contiguous(root_variances), contiguous(covariance)
-    checked(_OBSERVED(rows, width - 6, *kept, address(spread), address(across)))
-    return spread.T, across
-
-
-@stage(_compiled_covariance)
 def observed_covariance(jacobian: Array, root_variances: Array, covariance: Array) -> tuple[Array, Array]:
     """Return the covariance (6 + D, m) of root and pose with observations, and that of the observations (m, m).
 
@@ -172,6 +177,44 @@ def observed_covariance(jacobian: Array, root_variances: Array, covariance: Arra
     return gains, jacobian @ gains
 
 
+_FIT = function("fit_to_markers", "pppppppppppppnpppp")
+
+
+def _compiled_fit(
+    expectation: Expectation,
+    subject: SubjectModel,
+    marker_sigma_m: float,
+    steps: int,
+    straight_rad: float = _STRAIGHT_RAD,
+) -> tuple[Array, RootPose, int]:
+    prior, observation, root = expectation.prior, expectation.observation, expectation.root
+    *controls, counts = _addresses(observation, subject)
+    size, markers = len(prior.mean), len(subject.joints)
+    width, most = 6 + size, len(observation.controls.markers) + size
+    work = np.empty(3 * markers * (1 + width) + most * (3 * width + 2 * most + 7) + 4 * width + 2 * size)
+    pose, fitted, taken = np.empty(size), np.empty(7), np.empty(1, dtype=np.int64)
+    limits = np.empty((2, size))
+    limits[...] = expectation.limits
+    place = np.concatenate((root.rotation, root.position_m))
+    settings = straight_rad, _LIMIT_RAD, _FIRST_DAMPING, _DAMPING_GROWTH
+    sigmas_m = control_sigmas(observation, marker_sigma_m)
+    given = map(contiguous, (sigmas_m, *prior, place, expectation.root_sigma, limits, settings))
+    checked(
+        _FIT(
+            contiguous(counts, np.int64),
+            *controls,
+            *given,
+            steps,
+            address(work),
+            address(pose),
+            address(fitted),
+            address(taken),
+        )
+    )
+    return pose, RootPose(fitted[:4], fitted[4:]), int(taken[0])
+
+
+@stage(_compiled_fit)
 def fit_to_markers(
     expectation: Expectation,
     subject: SubjectModel,

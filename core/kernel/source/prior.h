@@ -58,25 +58,23 @@ EXPORT int64_t STAGE(neighbours_prior)(const int64_t *sizes, const float *poses,
   int64_t used = seen + size, stride = used + 4;
   double *means = work + count, *joint = means + used;
   for (int64_t first = 0; first < used; first += PANEL) {
-    float shift[PANEL] = {0.0f}, *panel = single + first * count;
-    for (int64_t c = 0; c < PANEL; c++) {
-      if (first + c >= used) { /* no more columns */
-        for (int64_t k = 0; k < count; k++) panel[k * PANEL + c] = 0.0f;
-        continue;
-      }
-      int64_t at = columns[first + c], step = size;
-      const float *from = poses + at;
+    float start[PANEL] = {0.0f}, shift[PANEL] = {0.0f}, *panel = single + first * count;
+    const float *from[PANEL];
+    int64_t step[PANEL];
+    for (int64_t c = 0; c < PANEL; c++) { /* the last columns of the last panel are zero */
+      int64_t at = first + c < used ? columns[first + c] : 0;
+      from[c] = poses + at, step[c] = size;
       if (at >= size + marker_count)
-        from = before + (at - size - marker_count), step = sizes[3];
+        from[c] = before + (at - size - marker_count), step[c] = sizes[3];
       else if (at >= size)
-        from = markers + (at - size), step = marker_count;
-      float start = from[0];
-      for (int64_t k = 0; k < count; k++) panel[k * PANEL + c] = from[k * step] - start;
-      means[first + c] = start;
+        from[c] = markers + (at - size), step[c] = marker_count;
+      start[c] = from[c][0];
+      if (first + c < used) means[first + c] = start[c];
     }
     for (int64_t k = 0; k < count; k++) {
-      float weight = (float)work[k];
-      for (int c = 0; c < PANEL; c++) shift[c] += weight * panel[k * PANEL + c];
+      float weight = (float)work[k], *row = panel + k * PANEL;
+      for (int c = 0; c < PANEL; c++) row[c] = first + c < used ? from[c][k * step[c]] - start[c] : 0.0f;
+      for (int c = 0; c < PANEL; c++) shift[c] += weight * row[c];
     }
     for (int64_t k = 0; k < count; k++) {
       float root = sqrtf((float)work[k]);

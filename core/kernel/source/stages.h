@@ -2,7 +2,8 @@
 #include "kinematics.h"
 #include "linear.h"
 
-#include "gaussian.h"
+#include "fit.h"
+#include "learned.h"
 #include "prior.h"
 #include "rigid.h"
 #include "search.h"

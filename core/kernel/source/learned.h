@@ -1,26 +1,4 @@
-/* Gaussians of poses: core/solver/gaussian_conditioning.py, core/solver/motion_prior.py. */
-
-/* spread (m, 6 + D): J diag(variances, P), and across (m, m): spread J^T, of a Jacobian J (m, 6 + D), the variances of
-   the root (6,) and the covariance P (D, D) of the pose. */
-EXPORT int64_t STAGE(observed_covariance)(int64_t rows, int64_t size, const double *jacobian, const double *variances,
-                                          const double *covariance, double *restrict spread, double *restrict across) {
-  int64_t width = 6 + size;
-  for (int64_t i = 0; i < rows; i++) {
-    const double *own = jacobian + i * width;
-    double *restrict out = spread + i * width;
-    for (int j = 0; j < 6; j++) out[j] = own[j] * variances[j];
-    for (int64_t j = 6; j < width; j++) out[j] = 0.0;
-    for (int64_t k = 0; k < size; k++) {
-      double share = own[6 + k];
-      const double *restrict row = covariance + k * size;
-      if (share == 0.0) continue; /* joints that do not move the marker */
-      for (int64_t j = 0; j < size; j++) out[6 + j] += share * row[j];
-    }
-    for (int64_t j = 0; j <= i; j++)
-      across[i * rows + j] = across[j * rows + i] = STAGE(dot)(width, out, jacobian + j * width);
-  }
-  return 0;
-}
+/* The learned prior: core/solver/motion_prior.py. */
 
 /* A Gaussian of rotation vectors (J, 3), with standard deviations (J, 3) and their correlation (3 J, 3 J), relative to
    other reference rotations. The vectors' quaternions are multiplied by change (J, 4, 4); back (J, 3, 3) turns their
@@ -31,8 +9,8 @@ static void STAGE(moved_gaussian)(int64_t joints, const double *vectors, const d
   int64_t width = 3 * joints;
   for (int64_t n = 0; n < joints; n++) {
     const double *v = vectors + 3 * n, *c = change + 16 * n;
-    double half = 0.5 * sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]), safe = half > DBL_MIN ? half : DBL_MIN;
-    double factor = 0.5 * sin(safe) / safe, q[4] = {cos(half), factor * v[0], factor * v[1], factor * v[2]}, r[4];
+    double q[4], r[4];
+    STAGE(quaternion)(v, q);
     for (int i = 0; i < 4; i++) r[i] = c[4 * i] * q[0] + c[4 * i + 1] * q[1] + c[4 * i + 2] * q[2] + c[4 * i + 3] * q[3];
     double sine = sqrt(r[1] * r[1] + r[2] * r[2] + r[3] * r[3]);
     if (sine < DBL_MIN) sine = DBL_MIN;
