@@ -88,15 +88,9 @@ def _add_to_diagonal(matrix: Array, values: Array | float) -> None:
 
 
 def _whiten(covariance: Array, right: Array) -> tuple[Array, Array]:
-    """Return L^-1 right and L, where L L^T is the covariance."""
+    """Return L^-1 right (..., m, n) and L, where L L^T is the covariance (..., m, m)."""
     factor = np.linalg.cholesky(covariance)
     return np.linalg.solve(factor, right), factor
-
-
-def _solve(covariance: Array, right: Array) -> Array:
-    """Return the inverse of a positive definite matrix times a vector."""
-    whitened, factor = _whiten(covariance, right)
-    return np.asarray(np.linalg.solve(factor.T, whitened))
 
 
 @dataclass(frozen=True)
@@ -111,7 +105,8 @@ class Expectation:
 
     def negative_log_likelihood(self, subject: SubjectModel) -> float:
         """Return the negative log density of the observed markers, for positions in metres."""
-        unlikely, scales = innovation(self.prior, self.observation, self.root, self.root_sigma, subject)
+        found = innovations([self.prior], self.observation, self.root, self.root_sigma, subject)
+        unlikely, scales = found[0][0], found[1][0]
         return float(0.5 * unlikely @ unlikely + np.log(scales).sum() + 0.5 * len(unlikely) * np.log(2.0 * np.pi))
 
 
@@ -123,22 +118,28 @@ def deviations(
     subject: SubjectModel,
 ) -> list[float]:
     """Return the RMS distance of the markers from each prior, in standard deviations of that prior."""
-    unlikely = [innovation(prior, observation, root, root_sigma, subject)[0] for prior in priors]
+    unlikely = innovations(priors, observation, root, root_sigma, subject)[0]
     return [float(np.sqrt(rows @ rows / max(len(rows), 1))) for rows in unlikely]
 
 
 _INNOVATION = function("innovation", "ppppppppppppp")
 
 
-def _compiled_innovation(
-    prior: Prior, observation: Observation, root: RootPose, root_sigma: tuple[float, float], subject: SubjectModel
+def _compiled_innovations(
+    priors: Sequence[Prior],
+    observation: Observation,
+    root: RootPose,
+    root_sigma: tuple[float, float],
+    subject: SubjectModel,
 ) -> tuple[Array, Array]:
     *controls, counts = _addresses(observation, subject)
-    rows, markers, width = len(observation.controls.markers), len(subject.joints), 6 + len(prior.mean)
-    work, found = np.empty(3 * markers * (1 + width) + rows * (2 * width + rows + 4)), np.empty((2, rows))
+    rows, markers, width = len(observation.controls.markers), len(subject.joints), 6 + len(priors[0].mean)
+    work, found = np.empty(3 * markers * (1 + width) + rows * (2 * width + rows + 4)), np.empty((2, len(priors), rows))
     place = np.concatenate((root.matrix.ravel(), root.position_m))
-    given = contiguous(counts, np.int64), *controls, *map(contiguous, (*prior, place, (*root_sigma, _EXPECTED_SIGMA_M)))
-    checked(_INNOVATION(*given, address(work), address(found[0]), address(found[1])))
+    frame = contiguous(place), contiguous((*root_sigma, _EXPECTED_SIGMA_M)), address(work)
+    for index, prior in enumerate(priors):
+        given = contiguous(counts, np.int64), *controls, contiguous(prior.mean), contiguous(prior.covariance)
+        checked(_INNOVATION(*given, *frame, address(found[0, index]), address(found[1, index])))
     return found[0], found[1]
 
 
@@ -151,17 +152,24 @@ def _addresses(observation: Observation, subject: SubjectModel) -> tuple[Any, ..
     return *tables, *rows, counts
 
 
-@stage(_compiled_innovation)
-def innovation(
-    prior: Prior, observation: Observation, root: RootPose, root_sigma: tuple[float, float], subject: SubjectModel
+@stage(_compiled_innovations)
+def innovations(
+    priors: Sequence[Prior],
+    observation: Observation,
+    root: RootPose,
+    root_sigma: tuple[float, float],
+    subject: SubjectModel,
 ) -> tuple[Array, Array]:
-    """Return the whitened deviations (R,) of the markers from a prior, and the diagonal of their Cholesky factor."""
-    markers, jacobian = subject.markers_and_jacobian(prior.mean.reshape(-1, 3), root)
-    jacobian = control_jacobian(observation, jacobian)
-    covariance = observed_covariance(jacobian, np.repeat(np.square(root_sigma), 3), prior.covariance)[1]
-    _add_to_diagonal(covariance, _EXPECTED_SIGMA_M**2)
-    whitened, factor = _whiten(covariance, -control_residual(observation, markers))
-    return whitened, factor.diagonal()
+    """Return whitened deviations (P, R) of the markers from P priors, and the diagonals (P, R) of their factors."""
+    poses = np.array([prior.mean.reshape(-1, 3) for prior in priors])
+    residuals, covariances = [], []
+    for prior, markers, full in zip(priors, *subject.markers_and_jacobian(poses, root), strict=True):
+        residuals.append(-control_residual(observation, markers))
+        jacobian = control_jacobian(observation, full)
+        covariances.append(observed_covariance(jacobian, np.repeat(np.square(root_sigma), 3), prior.covariance)[1])
+        _add_to_diagonal(covariances[-1], _EXPECTED_SIGMA_M**2)
+    whitened, factors = _whiten(np.array(covariances), np.array(residuals)[..., None])
+    return whitened[..., 0], factors.diagonal(axis1=1, axis2=2)
 
 
 def observed_covariance(jacobian: Array, root_variances: Array, covariance: Array) -> tuple[Array, Array]:
@@ -198,7 +206,8 @@ def _compiled_fit(
     place = np.concatenate((root.rotation, root.position_m))
     settings = straight_rad, _LIMIT_RAD, _FIRST_DAMPING, _DAMPING_GROWTH
     sigmas_m = control_sigmas(observation, marker_sigma_m)
-    given = map(contiguous, (sigmas_m, *prior, place, expectation.root_sigma, limits, settings))
+    values: Any = (sigmas_m, *prior, place, expectation.root_sigma, limits, settings)
+    given = (contiguous(each) for each in values)
     checked(
         _FIT(
             contiguous(counts, np.int64),
@@ -256,7 +265,7 @@ def fit_to_markers(
         share = 1.0 / (1.0 + damping)
         system = share * across
         _add_to_diagonal(system, 1.0)
-        forces = share * _solve(system, innovation - (1.0 - share) * (slopes @ change))
+        forces = share * np.linalg.solve(system, innovation - (1.0 - share) * (slopes @ change))
         change = (1.0 - share) * change + gains @ forces
         dual = (1.0 - share) * dual + slopes.T @ forces
         root = moved_root(expectation.root, change)

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.geometry.camera import Camera, CameraRig
-from perfanim.core.solver.gaussian_conditioning import Expectation, Prior, fit_to_markers, innovation
+from perfanim.core.solver.gaussian_conditioning import Expectation, Prior, fit_to_markers, innovations
 from perfanim.core.solver.observation import Observation
 from perfanim.core.solver.subject_model import RootPose, SubjectModel
 from two_bodies import assert_alike, spoiled
@@ -58,7 +58,8 @@ def test_any_fit(
     inputs[spoils] = spoiled(inputs[spoils], special, place)
     prior, root = Prior(*inputs[:2]), RootPose(rot.from_rotation_vector(generator.normal(size=3)), inputs[3])
     observation = replace(observation, points_m=inputs[2])
-    assert_alike(innovation, prior, observation, root, SIGMAS, model, rounding=1e-8)
+    other = Prior(0.5 * inputs[0], 2.0 * inputs[1])
+    assert_alike(innovations, [prior, other], observation, root, SIGMAS, model, rounding=1e-8)
     limits = np.array([[-limit_rad], [limit_rad]])
     expectation = Expectation(prior, observation, root, SIGMAS, limits)
     results = []
@@ -69,7 +70,8 @@ def test_any_fit(
             results.append(np.concatenate((pose, found.rotation, found.position_m, [steps])))
         except np.linalg.LinAlgError:
             assert special is not None
-    if len(results) == 2 and np.isfinite(results[0]).all() and results[0][-1] == results[1][-1]:
+    is_vague = spoils == 1 and special == 1e200  # an angle that may be anything: no digits are left of the others
+    if len(results) == 2 and np.isfinite(results[0]).all() and results[0][-1] == results[1][-1] and not is_vague:
         np.testing.assert_allclose(results[1], results[0], atol=SAME_STEPS * max(1.0, np.abs(results[0]).max()))
 
 

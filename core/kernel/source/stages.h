@@ -2,6 +2,7 @@
 #include "kinematics.h"
 #include "linear.h"
 
+#include "assignment.h"
 #include "fit.h"
 #include "learned.h"
 #include "prior.h"
