@@ -15,8 +15,27 @@ static double STAGE(dot)(int64_t n, const double *left, const double *right) {
   return ((sums[0] + sums[2]) + (sums[1] + sums[3])) + rest;
 }
 
+/* below (2, stride) -= shares^T rows, of four rows, in columns `first` to `last` and up to three more */
+static void STAGE(subtract)(int64_t first, int64_t last, int64_t stride, const double *rows, const double *at,
+                            double *below) {
+  double c[4][2];
+  for (int q = 0; q < 4; q++) c[q][0] = at[q * stride], c[q][1] = at[q * stride + 1];
+  for (int64_t j = first; j <= last; j += 4) {
+    v4d upper, lower, row;
+    memcpy(&upper, below + j, sizeof upper);
+    memcpy(&lower, below + stride + j, sizeof lower);
+    for (int q = 0; q < 4; q++) {
+      memcpy(&row, rows + q * stride + j, sizeof row);
+      upper -= c[q][0] * row;
+      lower -= c[q][1] * row;
+    }
+    memcpy(below + j, &upper, sizeof upper);
+    memcpy(below + stride + j, &lower, sizeof lower);
+  }
+}
+
 /* Conditions the last n - m of n Gaussian variables on the first m: a is the upper triangle of their covariance, row by
-   row with a stride, and column n a vector. Afterwards the first m rows are those of the covariance's Cholesky factor,
+   row with a stride of n + 4, and column n a vector; the rest of a is overwritten. Afterwards the first m rows are those of the covariance's Cholesky factor,
    the others the covariance given the first (its Schur complement); to the vector's first m entries the inverse factor
    was applied, from the others their regression on the first was subtracted.
 
@@ -36,22 +55,16 @@ static int64_t STAGE(eliminate)(int64_t m, int64_t n, int64_t stride, double *a)
       double scale = 1.0 / pivot[p];
       for (int64_t j = p + 1; j <= n; j++) pivot[j] *= scale;
     }
-    const double *r0 = a + first * stride;
-    if (stop - first < 4) {
-      for (int64_t i = stop; i < n; i++)
-        for (int64_t q = first; q < stop; q++) {
-          const double *restrict row = a + q * stride;
-          double *restrict below = a + i * stride, share = row[i];
-          for (int64_t j = i; j <= n; j++) below[j] -= share * row[j];
-        }
-      continue;
-    }
-    const double *restrict s0 = r0, *restrict s1 = r0 + stride, *restrict s2 = s1 + stride, *restrict s3 = s2 + stride;
-    for (int64_t i = stop; i < n; i++) {
-      double *restrict below = a + i * stride, c0 = s0[i], c1 = s1[i], c2 = s2[i], c3 = s3[i];
-      for (int64_t j = i; j <= n; j++)
-        below[j] = (((below[j] - c0 * s0[j]) - c1 * s1[j]) - c2 * s2[j]) - c3 * s3[j];
-    }
+    int64_t i = stop;
+    if (stop - first == 4) /* two rows at a time */
+      for (; i + 1 < n; i += 2)
+        STAGE(subtract)(i, n, stride, a + first * stride, a + first * stride + i, a + i * stride);
+    for (; i < n; i++)
+      for (int64_t q = first; q < stop; q++) {
+        const double *restrict row = a + q * stride;
+        double *restrict below = a + i * stride, share = row[i];
+        for (int64_t j = i; j <= n; j++) below[j] -= share * row[j];
+      }
   }
   return 0;
 }
