@@ -24,6 +24,7 @@ try:
 except ImportError:
     print("blocked")
 import perfanim.core.session.capture_setup, perfanim.core.session.multi_target_session
+import perfanim.core.vision.live_frames, perfanim.core.vision.pipeline
 import perfanim.core.worker.jobs.capture_stages, perfanim.core.worker.jobs.run_capture
 from perfanim.core.database.store import open_database
 from perfanim.core.markers.marker_frame import MarkerFrame
