@@ -175,21 +175,5 @@ class LaggedPoses:
     def of_frames(self, frames: IntArray) -> FloatArray:
         """Return the principal components (K, L, C) of the poses before database frames (K,)."""
         earlier = self._earlier.of(frames)
-        return projected_poses(self._poses, earlier, self._components)
-
-
-_PROJECTED = function("projected_poses", "pnnpnpnp")
-
-
-def _compiled_projected(poses: FloatArray, frames: IntArray, components: FloatArray) -> FloatArray:
-    found = np.empty((*frames.shape, components.shape[1]), dtype=np.float32)
-    database = contiguous(poses, np.float32), *poses.shape
-    wanted = contiguous(frames, np.int64), frames.size, contiguous(components, np.float32), components.shape[1]
-    checked(_PROJECTED(*database, *wanted, address(found)))
-    return found
-
-
-@stage(_compiled_projected)
-def projected_poses(poses: FloatArray, frames: IntArray, components: FloatArray) -> FloatArray:
-    """Return the poses (F, D) of frames (...) times components (D, C), as an array (..., C)."""
-    return np.asarray((poses.take(frames.ravel(), axis=0) @ components).reshape(*frames.shape, components.shape[1]))
+        projected = self._poses.take(earlier.ravel(), axis=0) @ self._components
+        return np.asarray(projected.reshape(*earlier.shape, self._components.shape[1]))

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from perfanim.core.solver.database_markers import database_markers
-from perfanim.core.solver.lagged_history import LaggedFrames, LaggedMarkers, markers_before, projected_poses
+from perfanim.core.solver.lagged_history import LaggedFrames, LaggedMarkers, markers_before
 from perfanim.core.solver.search.exhaustive import Query
 from perfanim.core.solver.search.stored_distances import frame_distances, row_distances
 from two_bodies import assert_same, spoiled
@@ -64,20 +64,3 @@ def test_earlier_markers_of_a_database(model, database):
     outside = np.array([[0, database.frames]])
     with pytest.raises(IndexError, match="outside"):
         markers_before.compiled_body(markers, lagged._root_matrices, lagged._root_positions_m, frames[:1], outside)
-
-
-@given(
-    seed=st.integers(0, 2**32 - 1),
-    count=st.sampled_from([0, 1, 4, 5, 200]),
-    size=st.sampled_from([1, 84]),
-    kept=st.sampled_from([1, 7, 8, 30]),
-    special=SPECIAL,
-)
-def test_any_projected_poses(seed: int, count: int, size: int, kept: int, special: float | None) -> None:
-    generator = np.random.default_rng(seed)
-    poses = spoiled(generator.normal(size=(20, size)).astype(np.float32), special, seed)
-    components = generator.normal(size=(size, kept)).astype(np.float32)
-    frames = generator.integers(0, 20, size=(count, 2))
-    assert_same(projected_poses, poses, frames, components, rounding=8.0 * size * EPSILON)
-    with pytest.raises(IndexError, match="outside"):
-        projected_poses.compiled_body(poses, np.array([[0, 20]]), components)

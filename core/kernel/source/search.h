@@ -98,30 +98,3 @@ EXPORT int64_t STAGE(earlier_markers)(const int16_t *stored, int64_t row_count, 
   }
   return 0;
 }
-
-/* out (N, C): poses (F, D) of frames (N,) times components (D, C), eight poses at a time. Returns 0, or 1 if a frame does
-   not exist. */
-EXPORT int64_t STAGE(projected_poses)(const float *poses, int64_t row_count, int64_t size, const int64_t *frames,
-                                      int64_t chosen, const float *components, int64_t count, float *restrict out) {
-  for (int64_t n = 0; n < chosen; n++)
-    if (frames[n] < 0 || frames[n] >= row_count) return 1;
-  for (int64_t n = 0; n < chosen; n += 8) {
-    const float *rows[8];
-    for (int64_t i = 0; i < 8; i++) rows[i] = poses + size * frames[n + i < chosen ? n + i : n];
-    for (int64_t next = 0; next < count; next += 8) {
-      v8f sums[8] = {{0.0f}};
-      int64_t kept = count < 8 ? count : 8, first = next + 8 > count ? count - kept : next;
-      for (int64_t d = 0; d < size; d++) {
-        const float *from = components + d * count + first;
-        v8f part = {0.0f};
-        if (kept == 8)
-          memcpy(&part, from, sizeof part);
-        else
-          for (int64_t c = 0; c < kept; c++) part[c] = from[c];
-        for (int i = 0; i < 8; i++) sums[i] += rows[i][d] * part;
-      }
-      for (int64_t i = 0; i < 8 && n + i < chosen; i++) memcpy(out + (n + i) * count + first, &sums[i], (size_t)kept * 4);
-    }
-  }
-  return 0;
-}
