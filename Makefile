@@ -72,6 +72,7 @@ extras-test: $(STAMP) $(EXTRAS:%=.venv-%/.installed) ## GPLVM, training of the p
 	.venv-fuzz/bin/python -m pytest tests/fuzz_guided
 	.venv-kernel/bin/python tools/build_kernel.py --platform linux-x64 --out out/kernel
 	$(KERNEL) $(BIN)/python -m pytest tests/kernel
+	.venv-kernel/bin/python tools/build_kernel.py --out out/kernels
 	.venv-kernel/bin/python tools/build_kernel.py --platform linux-x64 --out out/kernel --sanitize
 	$(KERNEL) LD_PRELOAD=$$(cc -print-file-name=libasan.so) ASAN_OPTIONS=detect_leaks=0 $(BIN)/python -m pytest tests/kernel
 

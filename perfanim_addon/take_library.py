@@ -32,6 +32,7 @@ class _Known:
 
 
 _known = _Known()
+_unsaved: list[Path] = []  # takes of the open file, which has no name yet
 
 
 def folder() -> Path:
@@ -96,7 +97,7 @@ def cut_off() -> list[TakeSummary]:
 def mark_captured(path: Path | str, filters: FilterSettings, recorded: tuple[int, int] | None = None) -> None:
     """Store the filters of a captured take, and its first and last recorded frame if not all are recorded."""
     take = summarise(path)
-    notes = replace(take.notes, played=take.notes.played or take.orphaned, project=bpy.data.filepath)
+    notes = replace(take.notes, played=take.notes.played or take.orphaned, project=_project(path))
     append_notes(path, replace(notes, filters=filters.table(), recorded=recorded or take.notes.recorded))
     forget()
 
@@ -104,11 +105,33 @@ def mark_captured(path: Path | str, filters: FilterSettings, recorded: tuple[int
 def mark_played(path: Path | str, character: str) -> None:
     """Store that a take was put on a character, and end its recovery offer; TakeError if it cannot be written."""
     take = summarise(path)
-    project = take.notes.project or bpy.data.filepath
+    project = take.notes.project or _project(path)
     notes = replace(take.notes, played=take.notes.played or take.orphaned, character=character, project=project)
     if notes != take.notes:
         append_notes(path, notes)
         forget()
+
+
+def _project(path: Path | str) -> str:
+    """Return the open file's name for the notes of a take; "" until it is saved, see `claim`."""
+    if not bpy.data.filepath:
+        _unsaved.append(Path(path))
+    return str(bpy.data.filepath)
+
+
+def claim() -> None:
+    """Note the name of the open file, which has just been saved, in the takes that came before."""
+    for path in _unsaved:
+        with suppress(TakeError):  # it may be deleted meanwhile
+            append_notes(path, replace(summarise(path).notes, project=bpy.data.filepath))
+    if _unsaved:
+        forget()
+    disown()
+
+
+def disown() -> None:
+    """Forget the takes of the open file, because another is opened."""
+    _unsaved.clear()
 
 
 def delete(path: Path) -> None:

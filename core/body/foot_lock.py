@@ -12,24 +12,18 @@ import numpy as np
 from ..errors import SettingsError
 from ..geometry.arrays import Array
 from ..geometry.camera import CameraRig
-from .calibration_poses import standing
 from .motion import Motion
 from .moved_feet import bent_legs, floor_height_m
 from .skeleton import Skeleton, forward_kinematics
+from .standing_feet import STANDING, standing_balls_m, stands
 
 FEET = ("off", "auto", "always")
 
 
 @dataclass(frozen=True)
 class FootLockSettings:
-    """Limits for standing feet; heights are relative to the ball's height when standing."""
+    """Limits for held feet, beside those of standing ones (`standing_feet`)."""
 
-    sole_m: float = 0.02  # height of the lowest joint of a standing foot above the floor
-    speed_window_s: float = 0.06  # time over which a speed is measured, because between two frames it is mostly noise
-    planted_m_s: float = 0.2  # below this speed a low foot is planted
-    lifted_m_s: float = 0.4  # above this speed a planted foot is released
-    planted_m: float = 0.05  # below this height a foot can be planted
-    lifted_m: float = 0.09  # above this height a planted foot is released
     reach_m: float = 0.05  # largest offset of a held foot; a larger one shows that the foot really moved
     glide_reach_m: float = 0.30  # largest offset of a foot that is held although it glides
     lower_m: float = 0.02  # height by which a foot must be lower than the held one to replace it
@@ -67,16 +61,6 @@ def _within(reach_m: float, start: Array, end: Array) -> Array:
     return end if away_m <= reach_m else start + way * (reach_m / away_m)
 
 
-def _standing_heights(skeleton: Skeleton) -> tuple[float, float]:
-    """Return the heights above the floor of a standing person's left and right ball of the foot."""
-    heights = forward_kinematics(skeleton, standing(skeleton), np.zeros(3))[0][:, 1]
-    found = []
-    for side in "lr":
-        ankle, ball = heights[skeleton.index(side + "foot")], heights[skeleton.index(side + "toes")]
-        found.append(float(ball - min(ankle, ball)) + _SETTINGS.sole_m)
-    return found[0], found[1]
-
-
 @dataclass
 class _Foot:
     """Ball of one foot, and the state of its lock."""
@@ -112,7 +96,7 @@ class FootLock:
         self._floor_m = floor_m
         self._lowest: list[tuple[float, float]] = []
         self._feet = []
-        for side, stand_m in zip("lr", _standing_heights(skeleton), strict=True):
+        for side, stand_m in zip("lr", standing_balls_m(skeleton), strict=True):
             self._feet.append(_Foot(skeleton.index(side + "toes"), stand_m))
         self._time_s = -np.inf
 
@@ -131,7 +115,7 @@ class FootLock:
         heights = [float(positions[foot.toes, 1]) - floor_m - foot.stand_m for foot in self._feet]
         carrying = self._carrying(heights) if self.mode == "always" else None
         for foot, height in zip(self._feet, heights, strict=True):
-            glides = foot is carrying and height < _SETTINGS.planted_m
+            glides = foot is carrying and height < STANDING.planted_m
             self._hold(foot, time_s, passed_s, positions[foot.toes], height, glides)
         offsets_m = np.array([foot.offset_m for foot in self._feet])
         if not np.any(np.abs(offsets_m) > _SETTINGS.still_m):
@@ -154,25 +138,25 @@ class FootLock:
 
     def _hold(self, foot: _Foot, time_s: float, passed_s: float, ball: Array, height: float, glides: bool) -> None:
         """Plant or release a foot according to its ball's motion, and set its offset."""
-        foot.past = [(t, p) for t, p in foot.past if time_s - t <= _SETTINGS.speed_window_s + 1e-6]
+        foot.past = [(t, p) for t, p in foot.past if time_s - t <= STANDING.speed_window_s + 1e-6]
         foot.past.append((time_s, ball))
         (since_s, before) = foot.past[0]
         speed = float(np.linalg.norm(ball - before)) / max(time_s - since_s, 1e-6) if len(foot.past) > 1 else np.inf
-        if foot.anchor_m is None:
-            if glides or (speed < _SETTINGS.planted_m_s and height < _SETTINGS.planted_m):
-                foot.anchor_m = ball + foot.offset_m
-        elif height > _SETTINGS.lifted_m or (speed > _SETTINGS.lifted_m_s and not glides):
+        held = stands(foot.anchor_m is not None, height, 0.0 if glides else speed)
+        if not held:
             foot.anchor_m = None
+        elif foot.anchor_m is None:
+            foot.anchor_m = ball + foot.offset_m
         if foot.anchor_m is not None:
             wanted = foot.anchor_m - ball
             wanted[1] = 0.0
             if not glides:  # a foot that begins to lift is released gradually
-                slow, fast = _SETTINGS.planted_m_s, _SETTINGS.lifted_m_s
+                slow, fast = STANDING.planted_m_s, STANDING.lifted_m_s
                 leaves = min(max((speed - slow) / (fast - slow), 0.0), 1.0)
                 wanted *= np.exp(-leaves * passed_s / _SETTINGS.fade_s)
                 # the measured speed lags, so a quick lift-off is noticed late; until then the offset may grow only
                 # slowly
-                wanted = _within(_SETTINGS.lifted_m_s * passed_s, foot.offset_m, wanted)
+                wanted = _within(STANDING.lifted_m_s * passed_s, foot.offset_m, wanted)
                 foot.anchor_m = ball + wanted
             if np.linalg.norm(wanted) <= (_SETTINGS.glide_reach_m if glides else _SETTINGS.reach_m):
                 foot.offset_m = wanted

@@ -12,9 +12,10 @@ from scipy.spatial.distance import cdist
 from ..errors import SettingsError
 from ..geometry import rotations as rot
 from .motion import Motion, sliced
-from .moved_feet import floor_height_m, hold_planted, planted_feet, smooth_step
+from .moved_feet import floor_height_m, hold_planted, smooth_step
 from .seams import about_vertical, heading
 from .skeleton import forward_kinematics
+from .standing_feet import planted_feet
 
 
 @dataclass(frozen=True)

@@ -11,14 +11,13 @@ from ..geometry.two_bone_ik import two_bone_directions
 from .motion import Motion
 from .skeleton import Skeleton, forward_kinematics
 from .soles import sole_heights_m
+from .standing_feet import balls_m, planted_feet
 
 
 @dataclass(frozen=True)
 class FeetSettings:
-    """Limits of standing feet, and times of transitions."""
+    """Limits of moved feet, and times of transitions."""
 
-    planted_m: float = 0.04  # largest height of a standing foot's sole above or below the floor
-    planted_m_s: float = 0.3  # largest speed of its ball
     glide_m: float = 0.05  # a ball farther than this from the middle of its stand is not held
     fade_s: float = 0.15  # time in which a correction begins and ends
     # longest reach, as a fraction of the leg's length, unless it is straighter already; beyond it, a millimetre turns
@@ -40,20 +39,6 @@ def sole_heights(motion: Motion) -> Array:
 def floor_height_m(motion: Motion) -> float:
     """Return the height of the floor on which a motion's feet stand."""
     return float(np.percentile(sole_heights(motion).min(axis=1), FEET_SETTINGS.floor_percentile))
-
-
-def balls_m(motion: Motion) -> Array:
-    """Return the positions (F, 2, 3) of the balls of both feet."""
-    positions, _ = forward_kinematics(motion.skeleton, motion.rotations, motion.root_positions_m)
-    return positions[:, [motion.skeleton.index(side + "toes") for side in "lr"]]
-
-
-def planted_feet(motion: Motion, floor_m: float) -> Mask:
-    """Return a mask (F, 2) of the frames in which each foot stands: the sole is low, and the ball is slow."""
-    balls = balls_m(motion)
-    speed = np.linalg.norm(np.gradient(balls, axis=0), axis=-1) * motion.fps if len(balls) > 1 else np.zeros((1, 2))
-    low = np.abs(sole_heights(motion) - floor_m) < FEET_SETTINGS.planted_m
-    return np.asarray((speed < FEET_SETTINGS.planted_m_s) & low)
 
 
 def eased_around(values: Array, known: Mask, fps: float) -> Array:

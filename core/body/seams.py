@@ -14,7 +14,8 @@ from ..errors import SettingsError
 from ..geometry import rotations as rot
 from ..geometry.arrays import Array, Mask, runs
 from .motion import Motion
-from .moved_feet import balls_m, floor_height_m, planted_feet, smooth_step, with_moved_feet
+from .moved_feet import floor_height_m, smooth_step, with_moved_feet
+from .standing_feet import balls_m, planted_feet
 
 _FLOOR_AXES = np.array([1.0, 0.0, 1.0])
 

@@ -50,7 +50,7 @@ class Sole:
 
         Args:
             toe_weights: Shares (P,) of the points' weights that belong to the toes.
-            ball_m: Toe joint (3,) relative to the ankle at rest.
+            ball_m: Toe joint (3,), or that of each point (P, 3), relative to the ankle at rest.
         """
         share = toe_weights[:, None]
         return cls((1.0 - share) * points_m + share * ball_m, share * (points_m - ball_m))

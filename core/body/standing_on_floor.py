@@ -13,7 +13,8 @@ from scipy.ndimage import gaussian_filter1d
 
 from ..geometry.arrays import Array, Mask
 from .motion import Motion
-from .moved_feet import eased_around, floor_height_m, planted_feet, sole_heights, with_moved_feet
+from .moved_feet import eased_around, floor_height_m, sole_heights, with_moved_feet
+from .standing_feet import planted_feet
 
 _TOUCHES_M = 0.025  # height of the lower sole up to which it is on the floor
 _FEET_S = 0.012  # standard deviation in time of the smoothing of the feet's correction

@@ -9,10 +9,9 @@ principal-component space; duplicates that this misses are kept.
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-from scipy.ndimage import binary_erosion, binary_opening
-from scipy.spatial import cKDTree
 
 from ..body.joint_angle_frames import angle_frame
 from ..body.standard_skeleton import JOINT_NAMES
@@ -49,6 +48,8 @@ def near_duplicates(poses: FloatArray, clips: Sequence[Clip], fps: float, distan
         distance_deg: RMS difference of the joint angles below which two poses count as equal, degrees.
     """
     duplicate = np.zeros(len(poses), dtype=np.bool_)
+    from scipy.ndimage import binary_erosion, binary_opening  # live capture, which opens databases, does without SciPy
+
     stride = max(1, round(fps / SETTINGS.compared_per_s))
     ahead, margin = round(SETTINGS.ahead_s * fps), round(SETTINGS.margin_s * fps)
     shortest = max(1, math.ceil(SETTINGS.shortest_s * fps))
@@ -80,7 +81,7 @@ class _Kept:
         self._middle = sample.mean(axis=0).astype(np.float32)
         _, _, axes = np.linalg.svd(sample - self._middle, full_matrices=False)
         self._axes = axes[: SETTINGS.components].T.astype(np.float32)
-        self._parts: list[tuple[cKDTree | None, FloatArray]] = []
+        self._parts: list[tuple[Any, FloatArray]] = []
 
     def features(self, frames: IntArray) -> FloatArray:
         """Return each frame's pose, joined with the pose `ahead_s` later (n, 2 D)."""
@@ -108,6 +109,8 @@ class _Kept:
         return result
 
     def add(self, features: FloatArray) -> None:
+        from scipy.spatial import cKDTree
+
         if len(features) == 0:
             return
         # merging with trees that are no larger keeps the number of trees small

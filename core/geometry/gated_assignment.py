@@ -3,7 +3,8 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .arrays import IntArray
+from ..kernel.library import address, checked, contiguous, function, stage
+from .arrays import Array, IntArray
 
 
 def assign(costs: ArrayLike, gate: float = 1.0) -> tuple[IntArray, IntArray]:
@@ -15,10 +16,74 @@ def assign(costs: ArrayLike, gate: float = 1.0) -> tuple[IntArray, IntArray]:
         costs: Costs (N, M), infinite where a pair is forbidden.
         gate: Positive limit of all costs; if limits differ between pairs, divide each cost by its limit first.
     """
-    # imported here, because SciPy is slow to import and Blender loads this module at startup
-    from scipy.optimize import linear_sum_assignment
-
     table = np.asarray(costs, dtype=np.float64)
-    rows, columns = linear_sum_assignment(np.minimum(table, gate))
-    inside = table[rows, columns] < gate
+    allowed = table < gate
+    rows, columns = np.flatnonzero(allowed.any(axis=1)), np.flatnonzero(allowed.any(axis=0))
+    # what is forbidden costs as much as no pair at all
+    kept = np.where(allowed, table, gate)[np.ix_(rows, columns)]
+    if len(rows) <= len(columns):
+        columns = columns[cheapest_columns(kept)]
+    else:
+        rows = rows[cheapest_columns(kept.T)]
+        order = np.argsort(rows)
+        rows, columns = rows[order], columns[order]
+    inside = allowed[rows, columns]
     return rows[inside], columns[inside]
+
+
+_CHEAPEST = function("cheapest_columns", "nnpppp")
+
+
+def _compiled(costs: Array) -> IntArray:
+    rows, columns = costs.shape
+    found, path, prices = (
+        np.empty(rows, dtype=np.int64),
+        np.empty(rows + 3 * columns, dtype=np.int64),
+        rows + 2 * columns,
+    )
+    checked(_CHEAPEST(rows, columns, contiguous(costs), address(path), address(np.empty(prices)), address(found)))
+    return found
+
+
+@stage(_compiled)
+def cheapest_columns(costs: Array) -> IntArray:
+    """Return a different column (N,) for each row of costs (N, M), N <= M, with the smallest sum.
+
+    Shortest augmenting paths (Crouse 2016), unless each row can have its cheapest column.
+
+    Raises:
+        LinAlgError: A cost is not finite.
+    """
+    if not np.isfinite(costs).all():
+        raise np.linalg.LinAlgError("a cost is not finite")
+    count = costs.shape[1]
+    found = costs.argmin(axis=1) if costs.size else np.zeros(0, dtype=np.int64)
+    if len(np.unique(found)) == len(found):
+        return found
+    row_prices, column_prices, owners = np.zeros(len(costs)), np.zeros(count), np.full(count, -1)
+    for row in range(len(costs)):
+        shortest, path, is_done = np.full(count, np.inf), np.full(count, -1), np.zeros(count, dtype=np.bool_)
+        at, least, visited = row, 0.0, [row]
+        while True:
+            lengths = least + costs[at] - row_prices[at] - column_prices
+            better = ~is_done & (lengths < shortest)
+            shortest[better], path[better] = lengths[better], at
+            nearest = int(np.argmin(np.where(is_done, np.inf, shortest)))
+            least = float(shortest[nearest])
+            if not np.isfinite(least):
+                raise np.linalg.LinAlgError("sums of costs are too large")
+            is_done[nearest] = True
+            if owners[nearest] < 0:
+                break
+            at = int(owners[nearest])
+            visited.append(at)
+        row_prices[row] += least
+        others = visited[1:]
+        row_prices[others] += least - shortest[found[others]]
+        column_prices[is_done] -= least - shortest[is_done]
+        at = -1
+        while at != row:  # rows along the path move to the next column
+            at = int(path[nearest])
+            owners[nearest] = at
+            found[at], nearest = nearest, int(found[at])
+    return found

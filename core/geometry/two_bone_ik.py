@@ -4,7 +4,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from . import quaternion_components as c
-from . import rotations as rot
 from .arrays import Array
 
 
@@ -13,36 +12,6 @@ def triangle_angle(near: ArrayLike, side: ArrayLike, opposite: ArrayLike) -> Arr
     a, b, o = (np.asarray(length, dtype=np.float64) for length in (near, side, opposite))
     cosine = (a * a + b * b - o * o) / (2.0 * a * b)
     return np.asarray(np.arccos(np.minimum(np.maximum(cosine, -1.0), 1.0)))
-
-
-def reach_with_two_bones(
-    points: tuple[Array, Array, Array], rotations: tuple[Array, Array], target: Array, hinge: Array, straightest: float
-) -> tuple[Array, Array]:
-    """Return the world rotations (4,) of two bones that bring their end to a target.
-
-    Args:
-        points: Start of the first bone, joint between them, end of the second (3,).
-        rotations: Current world rotations (4,) of the bones.
-        target: Target (3,) relative to the start; if it is out of reach, the bones point at it.
-        hinge: Unit axis (3,) about which a straight limb bends.
-        straightest: Largest fraction of its length to which the limb is stretched, unless it is straighter already.
-    """
-    start, middle, end = points
-    first, second, reach = middle - start, end - middle, end - start
-    a, b, before = (float(np.linalg.norm(v)) for v in (first, second, reach))
-    wanted = float(np.linalg.norm(target))
-    after = min(max(wanted, abs(a - b) + 1e-6), max(straightest * (a + b), before))
-    axis = np.cross(first, second)
-    size = float(np.linalg.norm(axis))
-    axis = axis / size if size > 1e-3 * a * b else hinge
-    turn = rot.between(reach / before, target / max(wanted, 1e-9))
-    at_start = triangle_angle(a, before, b) - triangle_angle(a, after, b)
-    at_end = triangle_angle(b, after, a) - triangle_angle(b, before, a)
-    upper, lower = (
-        rot.multiply(turn, rot.multiply(rot.from_rotation_vector(axis * angle), rotation))
-        for angle, rotation in zip((at_start, at_end), rotations, strict=True)
-    )
-    return upper, lower
 
 
 def two_bone_directions(

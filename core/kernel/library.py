@@ -12,7 +12,7 @@ from typing import Any, Generic, NamedTuple, ParamSpec, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-VERSION = 1  # the same number stands in source/kernel.c
+VERSION = 2  # the same number stands in source/kernel.c
 FOLDER = Path(__file__).parent / "libraries"
 _CHOICE = "PERFANIM_KERNEL"  # environment variable: "off" for NumPy, or another folder of libraries
 _SYSTEMS = {"linux": ("linux", "so"), "win32": ("windows", "dll"), "darwin": ("macos", "dylib")}
@@ -103,12 +103,14 @@ def checked(status: int) -> None:
 
     Raises:
         IndexError: An index is outside an array (1).
-        LinAlgError: A matrix is not finite (2).
+        LinAlgError: A matrix is not finite (2), or a covariance is not positive definite (3).
     """
     if status == 1:
         raise IndexError("an index is outside the arrays of the kernel")
     if status:
-        raise np.linalg.LinAlgError("a matrix is not finite")
+        raise np.linalg.LinAlgError(
+            "a matrix is not finite" if status == 2 else "a covariance is not positive definite"
+        )
 
 
 def _missing(*_arguments: Any) -> Any:

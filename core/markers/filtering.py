@@ -4,7 +4,6 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
-from scipy.linalg import solve_banded
 
 from ..body.clock import Clock
 from ..body.motion import Motion
@@ -131,5 +130,7 @@ def _pass(weights: Array, rows: Array) -> Array:
     driven[1:] += inputs[1] * rise[:-1]
     driven[2:] += inputs[2] * rise[:-2]
     bands = np.repeat(outputs[:, None], len(rows), axis=1)
-    # not scipy.signal, whose import takes most of a second
+    # live capture does without SciPy; scipy.signal's import would take most of a second
+    from scipy.linalg import solve_banded
+
     return np.asarray(solve_banded((_ORDER, 0), bands, driven, overwrite_b=True)) + rows[0]

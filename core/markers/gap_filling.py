@@ -10,7 +10,6 @@ from the change of the marker's position on the body across gaps, with the body 
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from ..body.motion import Motion
 from ..body.skeleton import forward_kinematics
@@ -133,7 +132,7 @@ class _Filler:
         if tried is None or len(self._before) < 2 or len(self._after) < 2:
             return body
         hidden_s, span_s = self._hidden_s()
-        spline = CubicSpline(self._times_s[rows], self._path[rows], axis=0)(hidden_s)
+        spline = _splined(self._times_s[rows], self._path[rows], hidden_s, axis=0)
         own = np.square(self.drift_m) + _S.earlier_gaps * usual_drift_m**2
         # the variance of the difference of two positions is twice that of one
         drift = np.sqrt(0.5 * own / (1.0 + _S.earlier_gaps))
@@ -179,5 +178,12 @@ class _Filler:
         hidden, kept = rows[beside : beside + count], np.delete(rows, np.s_[beside : beside + count])
         # one spline for all artificial gaps, because they share their knots
         paths = self._path[starts[:: max(1, len(starts) // _S.most_trials), None] + rows]
-        away = CubicSpline(kept, paths[:, kept], axis=1)(hidden) - paths[:, hidden]
+        away = _splined(kept, paths[:, kept], hidden, axis=1) - paths[:, hidden]
         return float(np.sqrt(np.mean(np.sum(away**2, axis=-1))))
+
+
+def _splined(knots: Array | IntArray, values: Array, places: Array | IntArray, axis: int) -> Array:
+    """Return values at places between knots, which lie along an axis of the values."""
+    from scipy.interpolate import CubicSpline  # live capture does without SciPy
+
+    return np.asarray(CubicSpline(knots, values, axis=axis)(places))

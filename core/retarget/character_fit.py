@@ -43,10 +43,12 @@ class SkinPoints:
     Args:
         points: Positions (P, 3).
         toe_weights: Shares (P,) of their weights that belong to the toes.
+        shank: Positions (S, 3) of points near the foot that the shank moves.
     """
 
     points: Array
     toe_weights: Array
+    shank: Array = field(default_factory=lambda: np.empty((0, 3)))
 
 
 @dataclass(frozen=True)

@@ -10,9 +10,11 @@ from ..geometry import rotations as rot
 from .armature_rest import ArmatureRest
 from .character_fit import SkinPoints
 from .character_rest_pose import RestAlignment
+from .driven_bones import neighbours
 
 # poses of a foot whose lowest points are kept: pitch and roll of the foot, bend of the toes, degrees
 _PITCHES, _ROLLS, _BENDS = (-30.0, -15.0, -5.0, 0.0, 5.0, 15.0, 30.0, 45.0, 60.0, 80.0), (-20.0, 0.0, 20.0), (0.0, 40.0)
+_HEEL_M = 0.02  # largest height above the sole of points of the shank's skin that touch the floor
 
 
 def character_sole(
@@ -25,24 +27,51 @@ def character_sole(
         skin: Points of the mesh; None for the bones' ends.
     """
     ankle, ball = joints[side + "foot"], joints.get(side + "toes", -1)
+    heads, balls = alignment.heads_m, [ball if ball >= 0 else ankle]
     if skin is None or len(skin.points) == 0:
-        skin = _bone_ends(rest, ankle, ball)
-    heads = alignment.heads_m
+        skin, balls = _bone_ends(rest, ankle, ball)
     points = skin.points @ alignment.armature_from_world / alignment.units_per_metre - heads[ankle]
-    to_ball = heads[ball] - heads[ankle] if ball >= 0 else np.zeros(3)
+    to_ball = heads[balls] - heads[ankle]
     sole = Sole.skinned(points, skin.toe_weights if ball >= 0 else np.zeros(len(points)), to_ball)
     foot = alignment.turns[side + "foot"]
     return _outline(sole).turned(foot, alignment.turns.get(side + "toes", foot))
 
 
-def _bone_ends(rest: ArmatureRest, ankle: int, ball: int) -> SkinPoints:
-    """Return both ends of the bones below the ankle, the ankle's head included."""
+def character_heel(
+    alignment: RestAlignment, joints: Mapping[str, int], side: str, skin: SkinPoints | None, sole: Sole
+) -> Sole | None:
+    """Return the part of a character's sole that its shank moves, as a sole relative to the ankle; None without one.
+
+    Boots and robots may be one piece from the shin to the heel, so that the heel turns with the shank.
+
+    Args:
+        sole: Part of the sole that the foot moves.
+    """
+    if skin is None or side + "tibia" not in joints:
+        return None
+    points = skin.shank @ alignment.armature_from_world / alignment.units_per_metre
+    points = points - alignment.heads_m[joints[side + "foot"]]
+    foot, shank = (alignment.turns[side + name] for name in ("foot", "tibia"))
+    toes = alignment.turns.get(side + "toes", foot)
+    lowest_m = float(sole.lowest_m(rot.conjugate(foot), rot.conjugate(toes)))
+    low = points[points[:, 1] < lowest_m + _HEEL_M]
+    if len(low) == 0:
+        return None
+    return _outline(Sole(low, np.zeros_like(low))).turned(shank, shank)
+
+
+def _bone_ends(rest: ArmatureRest, ankle: int, ball: int) -> tuple[SkinPoints, list[int]]:
+    """Return both ends of the bones below the ankle, with the ankle's head, and the toe of each, else the ankle."""
     below = [bone for bone in range(ankle + 1, len(rest)) if rest.is_above(ankle, bone)]
-    points = [rest.heads[ankle], *(end for bone in below for end in (rest.heads[bone], rest.tails[bone]))]
+    toes = [ball, *neighbours(rest, ball)] if ball >= 0 else []
+    ends, balls = [rest.heads[ankle]], [ankle]
+    for bone in below:
+        ends += [rest.heads[bone], rest.tails[bone]]
+        balls += 2 * [next((toe for toe in toes if bone == toe or rest.is_above(toe, bone)), ankle)]
     if not below:
-        points.append(rest.tails[ankle])
-    weights = [float(ball >= 0 and (bone == ball or rest.is_above(ball, bone))) for bone in below for _ in range(2)]
-    return SkinPoints(np.array(points), np.array([0.0, *weights, *([] if below else [0.0])]))
+        ends.append(rest.tails[ankle])
+        balls.append(ankle)
+    return SkinPoints(np.array(ends), np.array([float(toe != ankle) for toe in balls])), balls
 
 
 def _outline(sole: Sole) -> Sole:

@@ -53,11 +53,15 @@ def driven_bones(
                     first, second = skeleton.index(lower), skeleton.index(upper)
                     driven[bone] = DrivenBone(bone, first, second, float(share), rot.identity())
     for joint in [side + name for side in "lr" for name in ("fingers", "toes") if side + name in joints]:
-        for name in neighbour_names(rest.names[joints[joint]]):
-            bone = rest.index.get(name, -1)
-            if bone >= 0 and bone not in driven:
+        for bone in neighbours(rest, joints[joint]):
+            if bone not in driven:
                 driven[bone] = DrivenBone(bone, skeleton.index(joint), skeleton.index(joint), 0.0, turns[joint])
     return [driven[bone] for bone in sorted(driven)]
+
+
+def neighbours(rest: ArmatureRest, bone: int) -> list[int]:
+    """Return the other fingers or toes, which turn as this one does."""
+    return [rest.index[name] for name in neighbour_names(rest.names[bone]) if name in rest.index]
 
 
 def neighbour_names(name: str) -> list[str]:

@@ -27,6 +27,7 @@ class LegSettings:
     standing_cosine: float = 0.75  # cosine between leg and vertical above which the hips are lowered fully
     raised_cosine: float = 0.45  # cosine below which the hips are not lowered
     hinge: float = 0.05  # weight of the knee's hinge axis in the normal of the leg's plane, for straight legs
+    heel_steps: int = 3  # corrections of the ankle's height for a heel that turns with the shank
 
 
 _SETTINGS = LegSettings()
@@ -55,17 +56,19 @@ class _Leg:
     ankle_shift: c.Vector
     own_sole: Sole
     sole: Sole
+    heel: Sole | None  # part of the sole that turns with the shank
 
 
 @dataclass(frozen=True)
 class _Step:
-    """Rotations of the performer's leg, and the target for the character's ankle."""
+    """Rotations of the performer's leg, the target for the character's ankle, and the height of the lowest sole."""
 
     upper: c.Quaternion
     lower: c.Quaternion
     thigh_way: c.Vector
     shank_way: c.Vector
     ankle: c.Vector
+    sole_m: c.Part
 
 
 @dataclass(frozen=True)
@@ -93,6 +96,7 @@ def plan_legs(
     joints: Mapping[str, int],
     places: Mapping[int, int],
     soles: Mapping[str, Sole],
+    heels: Mapping[str, Sole | None],
     hip_height_m: float = 0.0,
 ) -> LegPlan:
     """Compare the legs of a character with the performer's.
@@ -101,6 +105,7 @@ def plan_legs(
         joints: Joint -> index of the character's bone.
         places: Index of a bone -> its index among the driven bones.
         soles: Side -> the character's sole, for sides with a foot.
+        heels: Side -> the part of the sole that turns with the shank, None for none.
         hip_height_m: Height added to the hips.
     """
     heads = alignment.heads_m
@@ -109,7 +114,7 @@ def plan_legs(
     legs, up = [], []
     for side in "lr":
         if all(side + name in joints for name in ("femur", "tibia", "foot")):
-            leg, leg_up = _plan_leg(skeleton, alignment, joints, places, side, soles[side])
+            leg, leg_up = _plan_leg(skeleton, alignment, joints, places, side, (soles[side], heels[side]))
             legs.append(leg)
             up.append(leg_up)
     return LegPlan(
@@ -126,10 +131,10 @@ def _plan_leg(
     joints: Mapping[str, int],
     places: Mapping[int, int],
     side: str,
-    sole: Sole,
+    touching: tuple[Sole, Sole | None],
 ) -> tuple[_Leg, float]:
     """Return a leg and how much higher its ankle is above the sole of a standing foot than the performer's."""
-    heads = alignment.heads_m
+    heads, (sole, heel) = alignment.heads_m, touching
     middle = 0.5 * (heads[joints["lfemur"]] + heads[joints["rfemur"]])
     thigh, shank, own_ball = (skeleton.offsets_m[skeleton.index(side + n)] for n in ("tibia", "foot", "toes"))
     femur, tibia, foot = (joints[side + name] for name in ("femur", "tibia", "foot"))
@@ -156,6 +161,7 @@ def _plan_leg(
         ankle_shift=c.components(own_ball - to_ball),
         own_sole=own_sole,
         sole=sole,
+        heel=heel,
     )
     return leg, float(own_sole.lowest_m(upright, upright) - sole.lowest_m(upright, upright))
 
@@ -168,14 +174,24 @@ def bend_legs(plan: LegPlan, world: Array, root: c.Quaternion, position: c.Vecto
         turned: World rotations (..., N, 4) of the driven bones; those of the legs are changed.
     """
     middle = c.plus(c.plus(position, c.rotate(root, plan.own_middle)), (0.0, plan.hips_up, 0.0))
-    steps = [_step(leg, world, root, position, turned) for leg in plan.legs]
+    flat = [_step(leg, world, root, position, turned) for leg in plan.legs]
     hips = [c.plus(middle, c.rotate(root, leg.from_middle)) for leg in plan.legs]
-    if steps:
+    lower: c.Part = 0.0
+    steps = flat
+    for _ in range(1 + _SETTINGS.heel_steps * any(leg.heel is not None for leg in plan.legs)):
         lower = _lowering(plan, [c.minus(step.ankle, hip) for step, hip in zip(steps, hips, strict=True)])
-        middle = c.minus(middle, (0.0, lower, 0.0))
         for leg, step, hip in zip(plan.legs, steps, hips, strict=True):
             _bend_leg(leg, step, c.minus(step.ankle, c.minus(hip, (0.0, lower, 0.0))), turned)
-    return c.minus(middle, c.rotate(root, plan.hips_to_middle))
+        steps = [_on_heel(leg, step, turned) for leg, step in zip(plan.legs, flat, strict=True)]
+    return c.minus(c.minus(middle, (0.0, lower, 0.0)), c.rotate(root, plan.hips_to_middle))
+
+
+def _on_heel(leg: _Leg, step: _Step, turned: Array) -> _Step:
+    """Return the step with the ankle raised so that a heel that turns with the shank is no lower than the sole."""
+    if leg.heel is None:
+        return step
+    shank, (x, height, z) = turned[..., leg.places[1], :], step.ankle
+    return replace(step, ankle=(x, c.maximum(height, step.sole_m - leg.heel.lowest_m(shank, shank)), z))
 
 
 def _step(leg: _Leg, world: Array, root: c.Quaternion, position: c.Vector, turned: Array) -> _Step:
@@ -186,13 +202,13 @@ def _step(leg: _Leg, world: Array, root: c.Quaternion, position: c.Vector, turne
     sole_m = ankle[1] + leg.own_sole.lowest_m(*(world[..., joint, :] for joint in leg.joints[2:]))
     height = sole_m - leg.sole.lowest_m(*(turned[..., place, :] for place in leg.places[2:]))
     x, _, z = c.plus(ankle, c.rotate(end, leg.ankle_shift))
-    return _Step(upper, lower, thigh_way, shank_way, (x, height, z))
+    return _Step(upper, lower, thigh_way, shank_way, (x, height, z), sole_m)
 
 
 def readjusted_legs(before: LegPlan, after: LegPlan) -> LegPlan:
     """Return a plan for poses of a character's own body that were made with one plan, as another would make them."""
     legs = tuple(
-        replace(leg, own_sole=own.sole, ankle_shift=c.minus(leg.ankle_shift, own.ankle_shift))
+        replace(leg, own_sole=own.sole, heel=None, ankle_shift=c.minus(leg.ankle_shift, own.ankle_shift))
         for own, leg in zip(before.legs, after.legs, strict=True)
     )
     # without softness, a pose that is made again and again stays the same

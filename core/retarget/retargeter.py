@@ -22,7 +22,7 @@ from .armature_rest import ArmatureRest
 from .bone_map import BoneMap
 from .character_fit import PLAIN_FIT, CharacterFit
 from .character_rest_pose import RestAlignment, align_character
-from .character_soles import character_sole
+from .character_soles import character_heel, character_sole
 from .driven_bones import DrivenBone, driven_ancestors, driven_bones, root_bone
 from .leg_ik import LegPlan, bend_legs, plan_legs
 
@@ -153,6 +153,7 @@ def plan_retarget(
         for side in ("" if same_body else "lr")
         if side + "foot" in joints
     }
+    heels = {side: character_heel(alignment, joints, side, fit.skins.get(side), sole) for side, sole in soles.items()}
     root = root_bone(rest, joints["root"]) if root_motion is RootMotion.ROOT_BONE else -1
     if root_motion is RootMotion.ROOT_BONE and root < 0:
         root_motion = RootMotion.HIPS
@@ -178,7 +179,9 @@ def plan_retarget(
         blend=blend,
         ancestors=follows,
         maps=_bone_maps(rest, alignment, driven, follows),
-        legs=None if same_body else plan_legs(skeleton, alignment, joints, places, soles, fit.adjustments.hip_height_m),
+        legs=None
+        if same_body
+        else plan_legs(skeleton, alignment, joints, places, soles, heels, fit.adjustments.hip_height_m),
         forearms=_forearms(skeleton, joints, places),
         carriers=_carriers(rest, joints["root"], places[joints["root"]], root),
         adjusted=np.array([places[joints[joint]] for joint in limbs], dtype=np.int64),

@@ -7,9 +7,9 @@ performer's share is the frame without the blobs of the others. Untracked perfor
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
 from ..geometry.arrays import IntArray, Mask
+from ..geometry.gated_assignment import assign
 from ..labelling.initial_labelling import REACH_M
 from ..labelling.labeller import assign_blobs, assign_points
 from ..markers.marker_frame import MarkerFrame
@@ -130,8 +130,8 @@ class PerformerAssignment:
             for column, body in enumerate(bodies):
                 start = self._sessions[index].label_initially(frame.points_m[body])
                 costs[row, column] = _ORDER_COST * abs(row - column) + (start.cost if start else _UNLIKE)
-        rows, columns = linear_sum_assignment(costs)
-        return [(int(r), int(c)) for r, c in zip(rows, columns, strict=True) if costs[r, c] < _UNLIKE]
+        rows, columns = assign(costs, _UNLIKE)
+        return list(zip(rows.tolist(), columns.tolist(), strict=True))
 
     def _without(self, frame: MarkerFrame, taken: Mask) -> MarkerFrame:
         """Return the frame without the points in a mask (N,) and without their blobs."""

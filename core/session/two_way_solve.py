@@ -14,7 +14,6 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter1d
 
 from ..body.body_parts import PART_JOINTS, PARTS
 from ..body.clock import Clock, clock_of
@@ -332,6 +331,8 @@ def _known(errors_deg: Array, count: int) -> Array:
 
 def _blended(trajectories: Sequence[_Trajectory], fps: float) -> _Trajectory:
     """Return the mean of trajectories; the weight of each part depends on its expected error."""
+    from scipy.ndimage import gaussian_filter1d  # live capture does without SciPy
+
     errors = np.array([trajectory.errors_deg for trajectory in trajectories])
     lasting = gaussian_filter1d(np.minimum(errors, _UNKNOWN_DEG), _WEIGHT_S * fps, axis=1, mode="nearest")
     weights = np.where(np.isfinite(errors), lasting, np.inf) ** -_WEIGHT_POWER

@@ -16,12 +16,12 @@ from .gaussian_conditioning import Expectation, Prior, continue_prior, deviation
 from .lagged_history import LaggedFrames, LaggedHistory, LaggedMarkers, LaggedPoses
 from .method import FrameProblem
 from .motion_prior import MotionPrior, PriorEstimate, open_network
+from .neighbours_prior import Neighbours, neighbours_prior
 from .observation import Observation
 from .settings import BestSettings
 from .solution import Estimate
 from .subject_model import RootPose, SubjectModel
 
-_KERNEL = 0.2  # Eq. 2 distance, as a share of the largest one, at which an example's weight has fallen to 1/e
 _HISTORY_SHARE = 0.3  # weight of the squared distances of earlier markers relative to those of current ones
 _BROAD_SAMPLES = 4096  # number of frames used for the covariance of the whole database
 _NONE = 1e-20  # covariance of two entries of a pose below which they are treated as independent
@@ -187,20 +187,13 @@ class BestMethod:
     def _prior(self, problem: FrameProblem) -> tuple[Prior, int]:
         """Return the Gaussian of the pose given the past, and the number of neighbours used."""
         settings, state, examples = self._settings, problem.state, problem.examples
-        history, pose_history = self._history_of(examples.frames)
         observed = self.earlier_markers.observed(state.observed, state.time_s, problem.root).ravel()
         solved = self._poses.observed(state.solved, state.time_s).ravel()
-        known = np.isfinite(observed)
-        away = history - observed if known.all() else history[:, known] - observed[known]
-        distances = np.maximum(examples.distances, 0.0)
-        distances += self._query_alpha * _HISTORY_SHARE * np.add.reduce(away * away, axis=1)
-        weights = np.exp(-distances / (_KERNEL * distances.max() + 1e-12))
-        weights /= weights.sum()
-        samples = np.concatenate((examples.poses, history, pose_history), axis=1)
         sigmas = (settings.history_sigma_m, settings.history_sigma_rad)
         variances = np.repeat(np.square(sigmas), (len(observed), len(solved)))
-        past = np.concatenate((observed, solved))
-        return gaussian_conditioning.neighbours_prior(samples, weights, self._floor, past, variances), len(weights)
+        neighbours = Neighbours(examples.distances, examples.poses, *self._history_of(examples.frames))
+        past, share = np.concatenate((observed, solved)), self._query_alpha * _HISTORY_SHARE
+        return neighbours_prior(neighbours, share, past, variances, self._floor), len(examples.frames)
 
     def _history_of(self, frames: IntArray) -> tuple[FloatArray, FloatArray]:
         """Return the markers and the poses before database frames (K,), each as rows (K, ...)."""

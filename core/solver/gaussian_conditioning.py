@@ -1,25 +1,18 @@
-"""Gaussian of neighbouring poses, conditioned on the past and fitted to markers.
+"""Gaussians of a pose, conditioned on more observations and fitted to markers.
 
-The neighbours' poses, their earlier markers and their earlier poses have a joint Gaussian distribution, widened by a
-fraction of the whole database's covariance, so that it still allows only movements that bodies make (a knee does not
-twist). The pose given the past is a linear regression (Bishop 2006, Eq. 2.81); the pose expected from the continued
-motion is a second observation. Then pose and root are fitted together to the current markers by Gauss-Newton steps
-under that prior, in the dual form, which inverts a matrix of the size of the markers, not of the pose (iterated Kalman
-update, Bell and Cathey 1993).
+To the neighbours' prior (see `neighbours_prior`), the pose expected from the continued motion is a second observation.
+Then pose and root are fitted together to the current markers by Gauss-Newton steps under that prior, in the dual form,
+which inverts a matrix of the size of the markers, not of the pose (iterated Kalman update, Bell and Cathey 1993).
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.linalg.blas import dgemm, dsyrk, dtrsm, ssyrk
-from scipy.linalg.lapack import dposv, dpotrf, dtrtrs
 
 from ..geometry import rotations as rot
-from ..geometry.arrays import Array, Mask
+from ..geometry.arrays import Array
 from ..kernel.library import address, checked, contiguous, function, stage
 from .observation import Observation, control_jacobian, control_residual, control_sigmas
 from .subject_model import RootPose, SubjectModel
@@ -27,85 +20,47 @@ from .subject_model import RootPose, SubjectModel
 _EXPECTED_SIGMA_M = 0.01  # standard deviation of a marker about its position on the body: skin motion and model errors
 _LIMIT_RAD = 0.02  # standard deviation of the part of an angle that is beyond the joint's limit
 _FIRST_DAMPING, _DAMPING_GROWTH = 1.0, 4.0  # damping after a step increased the cost, and its growth after more
-_TINY = np.float32(1e-3)  # differences below about a ten-millionth of this are rounded to zero
 _STRAIGHT_RAD = 0.05  # largest rotation in a step for which the model is linear enough to stop
 
 
-@dataclass(frozen=True)
-class Prior:
+class Prior(NamedTuple):
     """Gaussian of a pose: mean (D,) and covariance (D, D)."""
 
     mean: Array
     covariance: Array
 
 
-def neighbours_prior(
-    samples: NDArray[Any], weights: Array, floor: NDArray[Any], observed: Array, variances: Array
-) -> Prior:
-    """Return the Gaussian of the neighbours' first entries given the last m (Bishop 2006, Eq. 2.81).
-
-    Single precision is enough for the differences between samples.
-
-    Args:
-        samples: Neighbours (K, D + m).
-        weights: Their positive weights (K,), with sum 1.
-        floor: Covariance (D + m, D + m) added to that of the neighbours, so that entries that are equal in all
-            neighbours can still change.
-        observed: Observed values (m,) of the last entries, NaN where unknown.
-        variances: Variances (m,) of the observations.
-    """
-    kept, seen = samples.shape[1] - len(observed), np.isfinite(observed)
-    if not seen.all():
-        columns = np.concatenate((np.arange(kept), kept + np.flatnonzero(seen)))
-        samples, floor = samples[:, columns], floor[np.ix_(columns, columns)]
-        observed, variances = observed[seen], variances[seen]
-    spread, shift = weighted_spread(samples, weights)
-    mean = samples[0] + shift.astype(np.float64)
-    syrk = ssyrk if spread.dtype == np.float32 else dsyrk
-    covariance = syrk(1.0, spread.T, 1.0, floor.T)  # only the upper triangle, because no more is used
-    # double precision from here on, because in single precision subnormal numbers would occur
-    across, own = (
-        np.asfortranarray(part, dtype=np.float64) for part in (covariance[:kept, kept:], covariance[kept:, kept:])
-    )
-    _add_to_diagonal(own, variances)
-    across, moved = _regress(across, own, observed - mean[kept:])
-    given = covariance[:kept, :kept].astype(np.float64)
-    return Prior(mean[:kept] + moved, np.where(_lower(kept), given.T, given) - _product(across, across.T))
+_CONTINUE = function("continue_prior", "nppppppp")
 
 
-_SPREAD = function("weighted_spread", "nnppfpp")
+def _compiled_continue(prior: Prior, expected: Array, covariance: Array) -> Prior:
+    size = len(prior.mean)
+    work, mean, result = np.empty(2 * size * (2 * size + 4)), np.empty(size), np.empty((size, size))
+    given = map(contiguous, (*prior, expected, covariance))
+    checked(_CONTINUE(size, *given, address(work), address(mean), address(result)))
+    return Prior(mean, result)
 
 
-def _compiled_spread(samples: NDArray[Any], weights: Array) -> tuple[NDArray[Any], NDArray[Any]]:
-    if samples.dtype != np.float32:
-        return weighted_spread.numpy_body(samples, weights)
-    spread, shift = np.empty(samples.shape, dtype=np.float32), np.empty(samples.shape[1], dtype=np.float32)
-    kept = contiguous(samples, np.float32), contiguous(weights, np.float32)
-    checked(_SPREAD(*samples.shape, *kept, float(_TINY), address(spread), address(shift)))
-    return spread, shift
-
-
-@stage(_compiled_spread)
-def weighted_spread(samples: NDArray[Any], weights: Array) -> tuple[NDArray[Any], NDArray[Any]]:
-    """Return samples (K, n) minus their weighted mean, times the roots of the weights (K,), and the mean's shift (n,).
-
-    The shift is the mean's difference from the first sample.
-    """
-    shares = weights.astype(samples.dtype)
-    spread = samples - samples[0]
-    shift = shares @ spread
-    spread -= shift
-    # round tiny differences to zero: their products would be subnormal numbers, which are slow
-    spread += _TINY
-    spread -= _TINY
-    spread *= np.sqrt(shares)[:, None]
-    return spread, shift
-
-
+@stage(_compiled_continue)
 def continue_prior(prior: Prior, expected: Array, covariance: Array) -> Prior:
     """Return a prior updated with a second estimate of the pose: its mean (D,) and covariance (D, D)."""
-    across, moved = _regress(prior.covariance.T, (prior.covariance + covariance).T, expected - prior.mean)
-    return Prior(prior.mean + moved, prior.covariance - _product(across, across.T))
+    return conditioned(prior, prior.covariance, prior.covariance + covariance, expected - prior.mean)
+
+
+def conditioned(prior: Prior, across: Array, own: Array, innovation: Array) -> Prior:
+    """Return a Gaussian (D,) given observations (m,) of other variables (Bishop 2006, Eq. 2.81).
+
+    Args:
+        across: Covariance (D, m) with the observations.
+        own: Covariance (m, m) of the observations.
+        innovation: Observations (m,) minus their expectation.
+
+    Raises:
+        LinAlgError: The observations' covariance is not positive definite.
+    """
+    whitened = _whiten(own, np.column_stack((across.T, innovation)))[0]
+    explained = whitened[:, :-1].T  # a square root (D, m) of the explained covariance
+    return Prior(prior.mean + explained @ whitened[:, -1], prior.covariance - explained @ explained.T)
 
 
 def widen_joints(prior: Prior, other: Prior, inflations: Array, share: float) -> Prior:
@@ -128,59 +83,14 @@ def widen_joints(prior: Prior, other: Prior, inflations: Array, share: float) ->
     return Prior(prior.mean, prior.covariance * widened * widened[:, None])
 
 
-def _regress(across: NDArray[Any], own: NDArray[Any], innovation: Array) -> tuple[NDArray[Any], Array]:
-    """Regress the entries (D,) of a Gaussian on observations (m,) of others.
-
-    Args:
-        across: Covariance (D, m) between the entries and the observations.
-        own: Upper triangle of the observations' covariance (m, m).
-        innovation: Observations (m,) minus their expectation.
-
-    Returns:
-        A square root (D, m) of the explained covariance, and the change (D,) of the entries' mean.
-    """
-    if len(own) == 0:  # LAPACK rejects empty matrices
-        return across, np.zeros(len(across))
-    factor, failed = dpotrf(own)
-    if failed:
-        raise np.linalg.LinAlgError(f"the leading minor {failed} of a covariance is not positive")
-    explained = np.asarray(dtrsm(1.0, factor, across, side=1))
-    return explained, explained @ dtrsm(1.0, factor, innovation, trans_a=1).ravel()
-
-
-@lru_cache(maxsize=4)
-def _lower(size: int) -> Mask:
-    """Return a mask of the entries on and below a square matrix's diagonal."""
-    return np.tri(size, dtype=np.bool_)
-
-
 def _add_to_diagonal(matrix: Array, values: Array | float) -> None:
     matrix.flat[:: len(matrix) + 1] += values  # faster than diag_indices
 
 
-def _product(left: Array, right: Array) -> Array:
-    """Return left @ right, computed by SciPy's OpenBLAS because Blender's NumPy may be slow."""
-    return np.asarray(dgemm(1.0, right.T, left.T)).T
-
-
-def _solve(covariance: Array, right: Array) -> Array:
-    """Return the inverse of a positive definite matrix times another matrix."""
-    if len(covariance) == 0:  # LAPACK rejects empty matrices
-        return right
-    _, solved, failed = dposv(covariance.T, right)  # SciPy's wrappers would take longer than solving a small system
-    if failed:
-        raise np.linalg.LinAlgError(f"the leading minor {failed} of a covariance is not positive")
-    return np.asarray(solved)
-
-
 def _whiten(covariance: Array, right: Array) -> tuple[Array, Array]:
-    """Return L^-1 right and L, where L L^T is the covariance."""
-    if len(covariance) == 0:
-        return right, covariance
-    factor, failed = dpotrf(covariance.T, lower=1)
-    if failed:
-        raise np.linalg.LinAlgError(f"the leading minor {failed} of a covariance is not positive")
-    return np.asarray(dtrtrs(factor, right, lower=1)[0]), factor
+    """Return L^-1 right (..., m, n) and L, where L L^T is the covariance (..., m, m)."""
+    factor = np.linalg.cholesky(covariance)
+    return np.linalg.solve(factor, right), factor
 
 
 @dataclass(frozen=True)
@@ -195,11 +105,9 @@ class Expectation:
 
     def negative_log_likelihood(self, subject: SubjectModel) -> float:
         """Return the negative log density of the observed markers, for positions in metres."""
-        markers, jacobian = subject.markers_and_jacobian(self.prior.mean.reshape(-1, 3), self.root)
-        unlikely, factor = _innovation(self.prior, self.observation, self.root_sigma, markers, jacobian)
-        return float(
-            0.5 * unlikely @ unlikely + np.log(np.diag(factor)).sum() + 0.5 * len(unlikely) * np.log(2.0 * np.pi)
-        )
+        found = innovations([self.prior], self.observation, self.root, self.root_sigma, subject)
+        unlikely, scales = found[0][0], found[1][0]
+        return float(0.5 * unlikely @ unlikely + np.log(scales).sum() + 0.5 * len(unlikely) * np.log(2.0 * np.pi))
 
 
 def deviations(
@@ -210,39 +118,60 @@ def deviations(
     subject: SubjectModel,
 ) -> list[float]:
     """Return the RMS distance of the markers from each prior, in standard deviations of that prior."""
-    poses = np.array([prior.mean.reshape(-1, 3) for prior in priors])
-    found = zip(priors, *subject.markers_and_jacobian(poses, root), strict=True)
-    unlikely = [_innovation(prior, observation, root_sigma, markers, full)[0] for prior, markers, full in found]
+    unlikely = innovations(priors, observation, root, root_sigma, subject)[0]
     return [float(np.sqrt(rows @ rows / max(len(rows), 1))) for rows in unlikely]
 
 
-def _innovation(
-    prior: Prior, observation: Observation, root_sigma: tuple[float, float], markers: Array, jacobian: Array
+_INNOVATION = function("innovation", "ppppppppppppp")
+
+
+def _compiled_innovations(
+    priors: Sequence[Prior],
+    observation: Observation,
+    root: RootPose,
+    root_sigma: tuple[float, float],
+    subject: SubjectModel,
 ) -> tuple[Array, Array]:
-    """Return the whitened deviations of the markers from a prior, and the Cholesky factor by which they were whitened.
-
-    Args:
-        markers: Markers (M, 3) in the prior's mean pose.
-        jacobian: Their Jacobian (M, 3, 6 + D).
-    """
-    jacobian = control_jacobian(observation, jacobian)
-    covariance = observed_covariance(jacobian, np.repeat(np.square(root_sigma), 3), prior.covariance)[1]
-    _add_to_diagonal(covariance, _EXPECTED_SIGMA_M**2)
-    return _whiten(covariance, -control_residual(observation, markers))
-
-
-_OBSERVED = function("observed_covariance", "nnppppp")
+    *controls, counts = _addresses(observation, subject)
+    rows, markers, width = len(observation.controls.markers), len(subject.joints), 6 + len(priors[0].mean)
+    work, found = np.empty(3 * markers * (1 + width) + rows * (2 * width + rows + 4)), np.empty((2, len(priors), rows))
+    place = np.concatenate((root.matrix.ravel(), root.position_m))
+    frame = contiguous(place), contiguous((*root_sigma, _EXPECTED_SIGMA_M)), address(work)
+    for index, prior in enumerate(priors):
+        given = contiguous(counts, np.int64), *controls, contiguous(prior.mean), contiguous(prior.covariance)
+        checked(_INNOVATION(*given, *frame, address(found[0, index]), address(found[1, index])))
+    return found[0], found[1]
 
 
-def _compiled_covariance(jacobian: Array, root_variances: Array, covariance: Array) -> tuple[Array, Array]:
-    rows, width = jacobian.shape
-    spread, across = np.empty((rows, width)), np.empty((rows, rows))
-    kept = contiguous(jacobian), contiguous(root_variances), contiguous(covariance)
-    checked(_OBSERVED(rows, width - 6, *kept, address(spread), address(across)))
-    return spread.T, across
+def _addresses(observation: Observation, subject: SubjectModel) -> tuple[Any, ...]:
+    """Return what `Controls` of the kernel has, and its counts."""
+    body, controls = subject.body, observation.controls
+    counts = np.array([body.joint_count, len(body.joints), len(body.carriers), len(controls.markers)])
+    tables = address(body.indices), address(body.lengths)
+    rows = contiguous(controls.markers, np.int64), contiguous(controls.axes), contiguous(controls.origins_m)
+    return *tables, *rows, counts
 
 
-@stage(_compiled_covariance)
+@stage(_compiled_innovations)
+def innovations(
+    priors: Sequence[Prior],
+    observation: Observation,
+    root: RootPose,
+    root_sigma: tuple[float, float],
+    subject: SubjectModel,
+) -> tuple[Array, Array]:
+    """Return whitened deviations (P, R) of the markers from P priors, and the diagonals (P, R) of their factors."""
+    poses = np.array([prior.mean.reshape(-1, 3) for prior in priors])
+    residuals, covariances = [], []
+    for prior, markers, full in zip(priors, *subject.markers_and_jacobian(poses, root), strict=True):
+        residuals.append(-control_residual(observation, markers))
+        jacobian = control_jacobian(observation, full)
+        covariances.append(observed_covariance(jacobian, np.repeat(np.square(root_sigma), 3), prior.covariance)[1])
+        _add_to_diagonal(covariances[-1], _EXPECTED_SIGMA_M**2)
+    whitened, factors = _whiten(np.array(covariances), np.array(residuals)[..., None])
+    return whitened[..., 0], factors.diagonal(axis1=1, axis2=2)
+
+
 def observed_covariance(jacobian: Array, root_variances: Array, covariance: Array) -> tuple[Array, Array]:
     """Return the covariance (6 + D, m) of root and pose with observations, and that of the observations (m, m).
 
@@ -252,10 +181,49 @@ def observed_covariance(jacobian: Array, root_variances: Array, covariance: Arra
         covariance: Covariance (D, D) of the pose.
     """
     by_root, by_pose = jacobian[:, :6], jacobian[:, 6:]
-    gains = np.concatenate((root_variances[:, None] * by_root.T, _product(covariance, by_pose.T)))
+    gains = np.concatenate((root_variances[:, None] * by_root.T, covariance @ by_pose.T))
     return gains, jacobian @ gains
 
 
+_FIT = function("fit_to_markers", "pppppppppppppnpppp")
+
+
+def _compiled_fit(
+    expectation: Expectation,
+    subject: SubjectModel,
+    marker_sigma_m: float,
+    steps: int,
+    straight_rad: float = _STRAIGHT_RAD,
+) -> tuple[Array, RootPose, int]:
+    prior, observation, root = expectation.prior, expectation.observation, expectation.root
+    *controls, counts = _addresses(observation, subject)
+    size, markers = len(prior.mean), len(subject.joints)
+    width, most = 6 + size, len(observation.controls.markers) + size
+    work = np.empty(3 * markers * (1 + width) + most * (3 * width + 2 * most + 7) + 4 * width + 2 * size)
+    pose, fitted, taken = np.empty(size), np.empty(7), np.empty(1, dtype=np.int64)
+    limits = np.empty((2, size))
+    limits[...] = expectation.limits
+    place = np.concatenate((root.rotation, root.position_m))
+    settings = straight_rad, _LIMIT_RAD, _FIRST_DAMPING, _DAMPING_GROWTH
+    sigmas_m = control_sigmas(observation, marker_sigma_m)
+    values: Any = (sigmas_m, *prior, place, expectation.root_sigma, limits, settings)
+    given = (contiguous(each) for each in values)
+    checked(
+        _FIT(
+            contiguous(counts, np.int64),
+            *controls,
+            *given,
+            steps,
+            address(work),
+            address(pose),
+            address(fitted),
+            address(taken),
+        )
+    )
+    return pose, RootPose(fitted[:4], fitted[4:]), int(taken[0])
+
+
+@stage(_compiled_fit)
 def fit_to_markers(
     expectation: Expectation,
     subject: SubjectModel,
@@ -297,7 +265,7 @@ def fit_to_markers(
         share = 1.0 / (1.0 + damping)
         system = share * across
         _add_to_diagonal(system, 1.0)
-        forces = share * _solve(system, innovation - (1.0 - share) * (slopes @ change))
+        forces = share * np.linalg.solve(system, innovation - (1.0 - share) * (slopes @ change))
         change = (1.0 - share) * change + gains @ forces
         dual = (1.0 - share) * dual + slopes.T @ forces
         root = moved_root(expectation.root, change)

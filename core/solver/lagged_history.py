@@ -12,7 +12,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg.blas import sgemm
 
 from ..database.store import Database
 from ..geometry import rotations as rot
@@ -176,6 +175,5 @@ class LaggedPoses:
     def of_frames(self, frames: IntArray) -> FloatArray:
         """Return the principal components (K, L, C) of the poses before database frames (K,)."""
         earlier = self._earlier.of(frames)
-        # SciPy's BLAS, because the NumPy of some Blender builds has a slow one; transposed arguments avoid copies
-        projected = np.asarray(sgemm(1.0, self._components.T, self._poses.take(earlier.ravel(), axis=0).T)).T
-        return projected.reshape(*earlier.shape, -1)
+        projected = self._poses.take(earlier.ravel(), axis=0) @ self._components
+        return np.asarray(projected.reshape(*earlier.shape, self._components.shape[1]))

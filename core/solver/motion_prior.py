@@ -221,38 +221,40 @@ class MotionPrior:
 
     def _relative_to_subject(self, poses: Array, sigmas: Array) -> list[Prior]:
         """Return the network's Gaussians, means and sigmas (N, D), relative to the subject's reference pose."""
-        turned = self._change, self._back, self._correlation
-        return [Prior(*moved_gaussian(*pair, *turned)) for pair in zip(poses, sigmas, strict=True)]
+        moved = moved_gaussians(poses, sigmas, self._change, self._back, self._correlation)
+        return [Prior(*pair) for pair in zip(*moved, strict=True)]
 
 
-_MOVED = function("moved_gaussian", "npppppppp")
+_MOVED = function("moved_gaussians", "nnpppppppp")
 
 
-def _compiled(mean: Array, sigmas: Array, change: Array, back: Array, correlation: Array) -> tuple[Array, Array]:
-    moved, covariance, slopes = np.empty(mean.shape), np.empty(correlation.shape), np.empty(3 * len(mean))
-    kept = map(contiguous, (mean, sigmas, change, back, correlation))
-    checked(_MOVED(len(mean) // 3, *kept, address(slopes), address(moved), address(covariance)))
-    return moved, covariance
+def _compiled(means: Array, sigmas: Array, change: Array, back: Array, correlation: Array) -> tuple[Array, Array]:
+    count, size = means.shape
+    moved, covariances, slopes = np.empty(means.shape), np.empty((count, size, size)), np.empty(3 * size)
+    kept = map(contiguous, (means, sigmas, change, back, correlation))
+    checked(_MOVED(count, size // 3, *kept, address(slopes), address(moved), address(covariances)))
+    return moved, covariances
 
 
 @stage(_compiled)
-def moved_gaussian(mean: Array, sigmas: Array, change: Array, back: Array, correlation: Array) -> tuple[Array, Array]:
-    """Return mean (D,) and covariance (D, D) of rotation vectors relative to other reference rotations.
+def moved_gaussians(means: Array, sigmas: Array, change: Array, back: Array, correlation: Array) -> tuple[Array, Array]:
+    """Return means (N, D) and covariances (N, D, D) of rotation vectors relative to other reference rotations.
 
     Args:
-        mean: Rotation vectors (D,).
-        sigmas: Their standard deviations (D,).
+        means: Rotation vectors (N, D).
+        sigmas: Their standard deviations (N, D).
         change: Matrices (J - 1, 4, 4) that turn their quaternions.
         back: Matrices (J - 1, 3, 3) that turn their small rotations.
         correlation: Correlation (D, D) of their errors.
     """
-    vectors = mean.reshape(-1, 3)
+    (count, size), joints = means.shape, len(back)
+    vectors = means.reshape(count, joints, 3)
     moved = rot.to_rotation_vector((change @ rot.from_rotation_vector(vectors)[..., None])[..., 0])
     before, after = exponential_and_right_jacobian(np.array((vectors, moved)))[1]
-    slopes = np.linalg.solve(after, back @ before) * sigmas.reshape(-1, 1, 3)
-    half = slopes @ correlation.reshape(len(vectors), 3, len(mean))
-    covariance = slopes @ half.reshape(correlation.shape).T.reshape(half.shape)
-    return moved.ravel(), covariance.reshape(correlation.shape)
+    slopes = np.linalg.solve(after, back @ before) * sigmas.reshape(count, joints, 1, 3)
+    half = slopes @ correlation.reshape(joints, 3, size)
+    covariances = slopes @ half.reshape(count, size, size).swapaxes(1, 2).reshape(half.shape)
+    return moved.reshape(means.shape), covariances.reshape(count, size, size)
 
 
 def marker_features(points_m: Array, single: Mask, rest_m: Array, offsets_m: Array, lags_s: Array) -> Array:

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -9,6 +10,7 @@ from ..geometry.arrays import Array, IntArray, Mask
 from ..geometry.camera import Camera
 from ..markers.source_noise import SourceNoise
 
+_AXES = np.eye(3)
 _KEPT_GUESS = 0.3  # share of a guessed depth that is kept where the last pose shows the depth as well
 
 
@@ -21,7 +23,7 @@ class Observation:
     cameras: IntArray
     image_points: Array  # (M, 2) undistorted normalised coordinates in that camera, NaN elsewhere
     rig: tuple[Camera, ...] = ()  # cameras to which `cameras` refers
-    # (M, 3) standard deviations of the coordinates along `axes`, metres; those of a ray across it; None if exact
+    # (M, 3) standard deviations of the coordinates along `controls`, metres; those of a ray across it; None if exact
     noise_m: Array | None = None
 
     @classmethod
@@ -91,60 +93,52 @@ class Observation:
         return (self.cameras >= 0) & self.located
 
     @cached_property
-    def axes(self) -> Array:
-        """Matrices (M, 3, 3) from world axes to those of the errors: of a guess two across its ray, and the depth."""
-        axes = np.broadcast_to(np.eye(3), (len(self.points_m), 3, 3)).copy()
-        for marker in np.flatnonzero(self.guessed):
+    def controls(self) -> "Controls":
+        """Rows that a fit brings to zero, three for each located marker, then two for each on a ray."""
+        located, single = self.located, self.single
+        noise_m = np.zeros((len(located), 3)) if self.noise_m is None else self.noise_m
+        markers = np.flatnonzero(located).repeat(3), np.flatnonzero(single).repeat(2)
+        axes = np.broadcast_to(_AXES, (len(located), 3, 3)).copy()
+        origins_m = self.points_m.copy()
+        for marker in np.flatnonzero(self.guessed):  # two axes across its ray, and its depth
             camera = self.rig[self.cameras[marker]]
             x, y, z = camera.to_camera(self.points_m[marker])
             axes[marker, :2, 2] = -x / z, -y / z
             axes[marker] = axes[marker] @ camera.rotation
-        return axes
+        for marker in np.flatnonzero(single):
+            camera = self.rig[self.cameras[marker]]
+            axes[marker, :2, 2] = -self.image_points[marker]
+            axes[marker] = axes[marker] @ camera.rotation
+            origins_m[marker] = camera.centre_m
+        return Controls(
+            np.concatenate(markers),
+            np.concatenate((axes[located].reshape(-1, 3), axes[single, :2].reshape(-1, 3))),
+            origins_m.take(np.concatenate(markers), axis=0),
+            np.concatenate((noise_m[located].ravel(), noise_m[single, :2].ravel())),
+        )
+
+
+class Controls(NamedTuple):
+    """R linear functions of an observation's markers, axis . (marker - origin), that are zero where it was exact."""
+
+    markers: IntArray  # (R,) the marker of each row
+    axes: Array  # (R, 3)
+    origins_m: Array  # (R, 3)
+    noise_m: Array  # (R,) standard deviations
 
 
 def control_residual(observation: Observation, markers_m: Array) -> Array:
-    """Return the differences of markers (M, 3) from the observation (Eq. 7), metres.
-
-    There are three rows for each located marker, then two for the distance of each single-camera marker from its ray.
-    """
-    located, single = observation.located, observation.single
-    away_m = markers_m[located] - observation.points_m[located]
-    if observation.guessed.any():
-        away_m = (observation.axes[located] @ away_m[..., None])[..., 0]
-    parts = [away_m.ravel()]
-    if not single.any():
-        return np.asarray(parts[0])
-    for marker in np.flatnonzero(single):
-        camera = observation.rig[observation.cameras[marker]]
-        x, y, z = camera.to_camera(markers_m[marker])
-        u, v = observation.image_points[marker]
-        parts.append(np.array([x - u * z, y - v * z]))
-    return np.concatenate(parts)
+    """Return the differences (R,) of markers (M, 3) from the observation (Eq. 7), metres; see `Controls`."""
+    markers, axes, origins_m, _ = observation.controls
+    return np.asarray(np.add.reduce(axes * (markers_m.take(markers, axis=0) - origins_m), axis=-1))
 
 
 def control_jacobian(observation: Observation, jacobian: Array) -> Array:
-    """Return the Jacobian of `control_residual` given that of the markers (M, 3, n)."""
-    located, single = observation.located, observation.single
-    if observation.guessed.any():
-        jacobian = observation.axes @ jacobian
-    if located.all():
-        return jacobian.reshape(-1, jacobian.shape[-1])
-    parts = [jacobian[located].reshape(-1, jacobian.shape[-1])]
-    if not single.any():
-        return np.asarray(parts[0])
-    for marker in np.flatnonzero(single):
-        camera = observation.rig[observation.cameras[marker]]
-        u, v = observation.image_points[marker]
-        across = np.array([[1.0, 0.0, -u], [0.0, 1.0, -v]]) @ camera.rotation
-        parts.append(across @ jacobian[marker])
-    return np.concatenate(parts)
+    """Return the Jacobian (R, n) of `control_residual` given that of the markers (M, 3, n)."""
+    markers, axes, _, _ = observation.controls
+    return np.asarray((axes[:, None] @ jacobian.take(markers, axis=0))[:, 0])
 
 
 def control_sigmas(observation: Observation, least_m: float) -> Array:
-    """Return the standard deviations of the rows of `control_residual`, metres."""
-    located, single = observation.located, observation.single
-    noise_m = np.zeros((len(located), 3)) if observation.noise_m is None else observation.noise_m
-    sigmas_m = np.hypot(least_m, noise_m[located]).ravel()
-    if not single.any():
-        return sigmas_m
-    return np.concatenate((sigmas_m, np.hypot(least_m, noise_m[single, :2]).ravel()))
+    """Return the standard deviations (R,) of `control_residual`, metres."""
+    return np.asarray(np.hypot(least_m, observation.controls.noise_m))

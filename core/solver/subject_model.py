@@ -56,7 +56,7 @@ class SubjectModel:
         self.offsets_m = subject.marker_set.offsets_m
         self.torso = subject.marker_set.torso
         self._moving = self.skeleton.is_ancestor[self.joints]
-        self._body = MarkerBody.of(self.skeleton, self.joints, self.offsets_m, mean_rotations)
+        self.body = MarkerBody.of(self.skeleton, self.joints, self.offsets_m, mean_rotations)
 
     def hidden_joints(self, seen: Mask) -> Mask:
         """Return a mask (J - 1,) of the joints that move no visible marker.
@@ -74,7 +74,7 @@ class SubjectModel:
     def markers(self, pose: Array, root: RootPose = ROOT_AT_REST) -> Array:
         """Return marker positions (..., M, 3) for poses (..., J - 1, 3)."""
         if pose.ndim == 2:
-            return posed_markers(self._body, pose, root.matrix, root.position_m)
+            return posed_markers(self.body, pose, root.matrix, root.position_m)
         local = rotations_from_pose(pose, self.mean_rotations, root.rotation)
         return marker_positions(self.skeleton, self.joints, self.offsets_m, local, root.position_m)
 
@@ -88,7 +88,7 @@ class SubjectModel:
             pose: Poses (..., J - 1, 3).
             root: Root of each pose.
         """
-        return posed_markers_and_jacobian(self._body, pose, root.matrix, root.position_m)
+        return posed_markers_and_jacobian(self.body, pose, root.matrix, root.position_m)
 
     def database_markers(self, database: Database, frames: Any = slice(None)) -> FloatArray:
         """Return the markers c_n (F, M, 3) of Eq. 1, float32, with the root at rest."""

@@ -1,4 +1,4 @@
-"""Number of threads used by the linear algebra in NumPy and SciPy."""
+"""Number of threads used by NumPy's linear algebra."""
 
 import ctypes
 import os
@@ -6,7 +6,6 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
-import scipy
 
 _CHOICES = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS")  # environment variables of OpenBLAS, read when it is loaded
 _FOLDERS = ("{}.libs", "{}/.dylibs")  # library folders of wheels: Linux and Windows; macOS
@@ -21,7 +20,7 @@ def use_one_blas_thread() -> int:
     The solver's matrices are small, so threads cost more than they gain, especially next to other processes.
 
     Returns:
-        Number of libraries changed: 0 if the user has set a number, or if NumPy and SciPy do not use OpenBLAS.
+        Number of libraries changed: 0 if the user has set a number, or if NumPy does not use OpenBLAS.
     """
     if any(name in os.environ for name in _CHOICES):
         return 0
@@ -33,9 +32,9 @@ def use_one_blas_thread() -> int:
 
 
 def bundled_blas() -> list[Path]:
-    """Return the OpenBLAS libraries that come with NumPy and SciPy."""
-    packages = [Path(module.__path__[0]) for module in (np, scipy)]
-    folders = [package.parent / name.format(package.name) for package in packages for name in _FOLDERS]
+    """Return the OpenBLAS libraries that come with NumPy."""
+    package = Path(np.__path__[0])
+    folders = [package.parent / name.format(package.name) for name in _FOLDERS]
     return sorted({path for folder in folders for path in folder.glob("*openblas*")})
 
 

@@ -160,5 +160,6 @@ def shown_pose(
             context.scene.frame_set(int(np.floor(frame)), subframe=float(frame - np.floor(frame)))
             posed = armature_object.evaluated_get(context.evaluated_depsgraph_get()).pose.bones
             rotations.append([posed[name].matrix_basis.to_quaternion() for name in plan.bones])
-            locations.append([posed[name].location for name in plan.located])
+            # copies, because the next frame changes what Blender hands out
+            locations.append([posed[name].location.copy() for name in plan.located])
     return CharacterPose(np.array(rotations, dtype=np.float64), np.array(locations, dtype=np.float64), None, None)

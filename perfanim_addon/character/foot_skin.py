@@ -8,13 +8,15 @@ import numpy as np
 from ...core.geometry.arrays import Array
 from ...core.retarget.armature_rest import ArmatureRest
 from ...core.retarget.character_fit import SkinPoints
+from ...core.retarget.driven_bones import neighbours
 
 _SAME_HEAD = (
     0.01  # largest distance, as a fraction of the body's extent, of the heads of bones that stand for each other
 )
 _REACH = 0.3  # largest distance of a foot's skin from the ankle, as a fraction of the body's extent
-_Names = tuple[set[str], set[str]]  # bones that move with the foot, and those of them that move with the toes
-_MOST = 0.5  # share of a vertex's weights above which it belongs to the foot
+# bones that move with the foot, those of them that move with the toes, and those that move with the shank alone
+_Names = tuple[set[str], set[str], set[str]]
+_MOST = 0.5  # share of a vertex's weights above which it belongs to the foot, or to the shank
 
 
 def foot_skins(
@@ -33,12 +35,14 @@ def foot_skins(
             continue
         ankle = rest.index[bones[side + "foot"]]
         foot = _followers(rest, ankle)
-        toes = _followers(rest, rest.index[bones[side + "toes"]]) if side + "toes" in bones else set()
+        balls = [rest.index[bones[side + "toes"]]] if side + "toes" in bones else []
+        toes = set().union(*(_followers(rest, toe) for ball in balls for toe in (ball, *neighbours(rest, ball))))
+        shank = _followers(rest, rest.index[bones[side + "tibia"]]) - foot if side + "tibia" in bones else set()
         near = rest.heads[ankle], _REACH * float(np.ptp(rest.heads, axis=0).max())
-        skins = [_skin(armature_object, mesh, near, (foot, toes)) for mesh in meshes]
-        points = np.concatenate([np.empty((0, 3)), *(points for points, _ in skins)])
-        if len(points):
-            found[side] = SkinPoints(points, np.concatenate([weights for _, weights in skins]))
+        skins = [_skin(armature_object, mesh, near, (foot, toes, shank)) for mesh in meshes]
+        if any(len(skin.points) for skin in skins):
+            parts = ([getattr(skin, part) for skin in skins] for part in ("points", "toe_weights", "shank"))
+            found[side] = SkinPoints(*map(np.concatenate, parts))
     return found
 
 
@@ -53,20 +57,23 @@ def _followers(rest: ArmatureRest, bone: int) -> set[str]:
 
 def _skin(
     armature_object: bpy.types.Object, mesh_object: bpy.types.Object, near: tuple[Array, float], names: _Names
-) -> tuple[Array, Array]:
-    """Return the points (P, 3) of a mesh that belong to a foot, and the toes' share (P,) of their weights."""
-    foot, toes = ({group.index for group in mesh_object.vertex_groups if group.name in each} for each in names)
+) -> SkinPoints:
+    """Return the points of a mesh that belong to a foot."""
+    foot, toes, shank = ({group.index for group in mesh_object.vertex_groups if group.name in each} for each in names)
     vertices = mesh_object.data.vertices
     places = np.empty(3 * len(vertices), dtype=np.float32)
     vertices.foreach_get("co", places)
     to_armature = np.array(armature_object.matrix_world.inverted() @ mesh_object.matrix_world)
     points = places.reshape(-1, 3) @ to_armature[:3, :3].T + to_armature[:3, 3]
     ankle, reach = near
-    rows, shares = [], []
+    rows, shares, above = [], [], []
     for row in np.flatnonzero(np.linalg.norm(points - ankle, axis=1) < reach) if foot else ():
         weights = [(group.group, group.weight) for group in vertices[int(row)].groups]
+        least = _MOST * sum(weight for _, weight in weights)
         own = sum(weight for group, weight in weights if group in foot)
-        if own > _MOST * sum(weight for _, weight in weights):
+        if own > least:
             rows.append(row)
             shares.append(sum(weight for group, weight in weights if group in toes) / own)
-    return points[rows].reshape(-1, 3), np.array(shares, dtype=np.float64)
+        elif sum(weight for group, weight in weights if group in shank) > least:
+            above.append(row)
+    return SkinPoints(points[rows].reshape(-1, 3), np.array(shares, dtype=np.float64), points[above].reshape(-1, 3))

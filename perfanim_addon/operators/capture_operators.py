@@ -108,6 +108,7 @@ class PERFANIM_OT_start_capture(CheckedOperator, bpy.types.Operator):
             self.report({"INFO"}, text)
         if error is not None:
             report_error(self, PANEL, error)
+            activity.set_message(PANEL, "; ".join(filter(None, (str(error), text))), "ERROR", capture.actions)
         activity.redraw_sidebars()
         return {"FINISHED"} if capture.run is not None and capture.run.poses else {"CANCELLED"}
 

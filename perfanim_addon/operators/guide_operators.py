@@ -164,6 +164,7 @@ class PERFANIM_OT_skip_step(PanelOperator, bpy.types.Operator):
 
     def run(self, context: bpy.types.Context) -> None:
         guide_steps.skip(settings(context))
+        picture_overlay.hide()  # it shows a fault of this step
 
 
 class PERFANIM_OT_unskip_steps(PanelOperator, bpy.types.Operator):

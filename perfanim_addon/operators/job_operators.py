@@ -17,6 +17,8 @@ from ..preferences.property_kinds import HIDDEN
 from ..viewport import picture_overlay
 from .operator_bases import CheckedOperator, RunningOperator, defect, need, report_error
 
+_folders: dict[str, str] = {}  # operator -> folder chosen last
+
 
 class JobOperator(CheckedOperator):
     """Base of the operators that run a job in the worker.
@@ -104,10 +106,16 @@ class FilesOperator(ImportHelper):
 
     filename_ext = ""
     files: bpy.props.CollectionProperty(type=bpy.types.OperatorFileListElement, options=HIDDEN)
-    directory: bpy.props.StringProperty(subtype="DIR_PATH", options={"HIDDEN"})  # saved: it opens where it was left
+    directory: bpy.props.StringProperty(subtype="DIR_PATH", options={"HIDDEN"})
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        # Blender would keep the folder only of a job that succeeds
+        self.filepath = _folders.get(type(self).__name__, self.filepath)
+        return set(ImportHelper.invoke(self, context, event))
 
     def chosen_files(self) -> list[str]:
         """Return the chosen files, or the folder if no file is chosen."""
+        _folders[type(self).__name__] = self.directory
         files = [str(Path(self.directory) / item.name) for item in self.files if item.name]
         return files or [self.filepath or self.directory]
 

@@ -34,7 +34,7 @@ class PERFANIM_OT_self_test(JobOperator, bpy.types.Operator):
         return result
 
     def on_result(self, context: bpy.types.Context, summary: dict[str, Any]) -> str:
-        return "everything works"
+        return "everything works" if summary["cameras"] else "everything works, but there is no camera yet"
 
 
 register = diagnostics.tested.clear

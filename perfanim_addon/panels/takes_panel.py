@@ -100,10 +100,12 @@ class PERFANIM_PT_takes(SidebarPanel, bpy.types.Panel):
             if bpy.data.filepath:
                 layout.prop(shown, "this_file")
             layout.template_list("PERFANIM_UL_takes", "", shown, "entries", shown, "active", rows=4)
+            if not shown.entries:
+                layout.label(text="No take of this file yet")
+        panel_drawing.draw_outcome(context, layout, KEY)  # above the take's settings, so that it is on small screens
         if 0 <= shown.active < len(shown.entries):
             _draw_take(context, layout, shown.entries[shown.active])
-        panel_drawing.draw_outcome(context, layout, KEY)
-        _draw_room(layout, len(shown.entries))
+        _draw_room(layout, len(take_library.listed()))
 
 
 def _draw_take(context: bpy.types.Context, layout: bpy.types.UILayout, item: PERFANIM_PG_take) -> None:
@@ -226,8 +228,8 @@ def origin_of(take: TakeSummary) -> str:
     """Return performers, markers, method and database of a take, and its character."""
     texts = (
         " and ".join(take.performers),
-        take.marker_set,
-        (take.method or SolveSettings().method) if take.performers else "no performer yet: click Solve Again",
+        f"markers {take.marker_set}" if take.marker_set else "",
+        f"method {take.method or SolveSettings().method}" if take.performers else "no performer yet: click Solve Again",
         f"database {take.database}" if take.database else "",
         f"on {take.notes.character}" if take.notes.character else "",
     )
@@ -246,13 +248,27 @@ def choose(path: Path) -> None:
     take_library.forget()
 
 
+@bpy.app.handlers.persistent
+def _after_save(*_: object) -> None:
+    take_library.claim()
+
+
+@bpy.app.handlers.persistent
+def _after_load(*_: object) -> None:
+    take_library.disown()
+
+
 def register() -> None:
-    """Add the offers to the Capture panel."""
+    """Add the offers to the Capture panel, and the handlers that tell the takes of the open file."""
     PERFANIM_PT_capture.append(draw_offer)
+    bpy.app.handlers.save_post.append(_after_save)
+    bpy.app.handlers.load_post.append(_after_load)
 
 
 def unregister() -> None:
     """Undo `register`."""
     PERFANIM_PT_capture.remove(draw_offer)
+    bpy.app.handlers.save_post.remove(_after_save)
+    bpy.app.handlers.load_post.remove(_after_load)
     if bpy.app.timers.is_registered(_fill):
         bpy.app.timers.unregister(_fill)

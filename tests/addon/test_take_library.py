@@ -199,6 +199,7 @@ def test_a_capture_that_outlived_blender_is_offered_until_it_is_on_a_character(
 def test_takes_belong_to_the_file_in_which_they_were_put_on_a_character(
     part: Any, takes: Any, listed_takes: Any, tmp_path: Path
 ) -> None:
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     for name in ("walk", "run"):
         write_take(takes.folder(), name)
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
@@ -210,4 +211,7 @@ def test_takes_belong_to_the_file_in_which_they_were_put_on_a_character(
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     takes.mark_played(takes.folder() / "walk.perftake", "Other")  # the project stays
     assert len(takes.in_project()) == 2  # an unsaved file has none of its own
+    takes.mark_played(takes.folder() / "run.perftake", "Other")
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "other.blend"))
+    assert [take.notes.name for take in takes.in_project()] == ["run"]  # it was put on a character before
     bpy.context.window_manager.perfanim_takes.this_file = False

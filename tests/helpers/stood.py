@@ -11,7 +11,7 @@ from perfanim.core.body.skeleton import forward_kinematics
 from perfanim.core.geometry.arrays import runs
 from retargeted import played
 
-_FOOT_M = 0.35  # farther than this from the ankle, a vertex is not the foot's
+_FOOT_M = 0.5  # farther than this from the ankle, a vertex is not the foot's; large shoes reach 0.45 m
 
 
 @dataclass(frozen=True)
@@ -35,13 +35,14 @@ def stood(done: dict[str, Any], motion: Motion, first: int = 1) -> Stood:
     """Measure what `retarget_file` has done; its scene is open, at one frame of the motion a frame from the `first`."""
     armature_object = bpy.data.objects[done["armature"]]
     bones = done["mapped"]
-    scale = done["scale"] * float(np.mean(np.array(armature_object.matrix_world.to_scale())))
+    scale = done["scale"] * _world_scale(done)
     feet = [bones[side + "foot"] for side in "lr"]
     matrices = played(armature_object, motion.frames, feet, first)
     ankles = np.stack([matrices[foot][:, :3, 3] for foot in feet], axis=1)
     floor = float(armature_object.matrix_world.translation.z)
+    ends = done.get("ends") or _ends(armature_object, feet)
     soles = np.array(
-        [_lowest(armature_object, feet, first + frame, ankles[frame], scale) for frame in range(motion.frames)]
+        [_lowest(armature_object, ends, first + frame, ankles[frame], scale) for frame in range(motion.frames)]
     )
     rest = {
         name: np.array(armature_object.matrix_world @ armature_object.data.bones[name].matrix_local) for name in feet
@@ -68,6 +69,37 @@ def stood(done: dict[str, Any], motion: Motion, first: int = 1) -> Stood:
     )
 
 
+def read_back(done: dict[str, Any], fps: float) -> tuple[dict[str, Any], int]:
+    """Open what `retarget_file` has written as FBX or glTF; return its report for that scene, and its first frame."""
+    before = _world_scale(done)
+    # the formats keep no tails of bones: on a character without a mesh, the points that are looked at come along
+    ends = _ends(bpy.data.objects[done["armature"]], [done["mapped"][side + "foot"] for side in "lr"])
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    bpy.context.scene.render.fps = round(fps)
+    is_fbx = done["out"].endswith(".fbx")
+    if is_fbx:
+        bpy.ops.import_scene.fbx(filepath=done["out"], anim_offset=0.0)
+    else:
+        bpy.ops.import_scene.gltf(filepath=done["out"])
+    again = done | {"armature": next(obj.name for obj in bpy.data.objects if obj.type == "ARMATURE")}
+    if is_fbx:
+        _disconnect(bpy.data.objects[again["armature"]])
+    return again | {"scale": done["scale"] * before / _world_scale(again), "ends": ends}, int(is_fbx)
+
+
+def _disconnect(armature_object: bpy.types.Object) -> None:
+    """Free the hips that Blender's FBX importer connects to the bone above, as docs/export.md advises."""
+    bpy.context.view_layer.objects.active = armature_object
+    bpy.ops.object.mode_set(mode="EDIT")
+    for bone in armature_object.data.edit_bones:
+        bone.use_connect = False
+    bpy.ops.object.mode_set(mode="OBJECT")
+
+
+def _world_scale(done: dict[str, Any]) -> float:
+    return float(np.mean(np.array(bpy.data.objects[done["armature"]].matrix_world.to_scale())))
+
+
 def _drift(places: np.ndarray, standing: np.ndarray) -> float:
     worst = 0.0
     for foot in range(2):
@@ -77,8 +109,24 @@ def _drift(places: np.ndarray, standing: np.ndarray) -> float:
     return worst
 
 
+def _ends(armature_object: bpy.types.Object, feet: list[str]) -> list[list[tuple[str, np.ndarray]]]:
+    """For each foot the ends of its bones: bone, and place in the bone's axes, in units of the scene."""
+    scale, found = float(np.mean(np.array(armature_object.matrix_world.to_scale()))), []
+    for name in feet:
+        foot = armature_object.data.bones[name]
+        below = [(bone.name, end) for bone in foot.children_recursive for end in (bone.head_local, bone.tail_local)]
+        ends = [(name, foot.head_local), *(below or [(name, foot.tail_local)])]
+        axes = {bone: np.linalg.inv(np.array(armature_object.data.bones[bone].matrix_local)) for bone, _ in ends}
+        found.append([(bone, scale * (axes[bone] @ [*end, 1.0])[:3]) for bone, end in ends])
+    return found
+
+
 def _lowest(
-    armature_object: bpy.types.Object, feet: list[str], frame: int, ankles: np.ndarray, scale: float
+    armature_object: bpy.types.Object,
+    ends: list[list[tuple[str, np.ndarray]]],
+    frame: int,
+    ankles: np.ndarray,
+    scale: float,
 ) -> list[float]:
     """Heights in the scene of the lowest points of both feet: of the meshes, or else of the bones."""
     bpy.context.scene.frame_set(frame)
@@ -100,9 +148,6 @@ def _lowest(
         if min(np.count_nonzero(each) for each in near) > 20:  # else the mesh is something else, and the bones stand
             return [float(every[each, 2].min()) for each in near]
     posed = armature_object.evaluated_get(graph)
-    found = []
-    for foot in feet:
-        bone = posed.pose.bones[foot]
-        below = [end for each in bone.children_recursive for end in (each.head, each.tail)] or [bone.tail]
-        found.append(min(float((posed.matrix_world @ end).z) for end in (bone.head, *below)))
-    return found
+    own = float(np.mean(np.array(posed.matrix_world.to_scale())))
+    moved = {name: np.array(posed.matrix_world @ posed.pose.bones[name].matrix) for foot in ends for name, _ in foot}
+    return [min(float((moved[name] @ [*(place / own), 1.0])[2]) for name, place in foot) for foot in ends]

@@ -1,5 +1,6 @@
 """Comparison of the two bodies of a stage."""
 
+import contextlib
 from typing import Any
 
 import numpy as np
@@ -21,6 +22,21 @@ def assert_same(stage: Stage[..., Any], *arguments: Any, rounding: float = 1e-10
         assert np.isfinite(theirs[known]).all()
         largest = np.abs(mine[known]).max(initial=0.0).astype(np.float64)
         np.testing.assert_allclose(theirs[known], mine[known], rtol=0.0, atol=rounding * max(1.0, largest))
+
+
+def assert_alike(stage: Stage[..., Any], *arguments: Any, rounding: float = 1e-10) -> None:
+    """Require the same as `assert_same`; where one body refuses a matrix, the other may also return what is not finite.
+
+    Whether NaN makes a Cholesky decomposition fail depends on NumPy's LAPACK.
+    """
+    results = []
+    for body in (stage.numpy_body, stage.compiled_body):
+        with np.errstate(all="ignore"), contextlib.suppress(np.linalg.LinAlgError):
+            results.append(body(*arguments))
+    if len(results) == 2:
+        assert_same(stage, *arguments, rounding=rounding)
+    for result in results[: len(results) % 2]:
+        assert not all(np.isfinite(each).all() for each in result)
 
 
 def spoiled(values: np.ndarray, special: float | None, place: int) -> np.ndarray:

@@ -41,14 +41,14 @@ def test_any_pose(seed: int, marker_set: str, leading: tuple[int, ...], scale: f
 def test_recorded_poses(model, truth, database):
     poses = pose_from_rotations(truth.rotations, database.mean_rotations)
     matrices = rot.to_matrix(truth.rotations[:, 0])
-    assert_same(posed_markers_and_jacobian, model._body, poses, matrices, truth.root_positions_m)
+    assert_same(posed_markers_and_jacobian, model.body, poses, matrices, truth.root_positions_m)
     views = poses[::-2], matrices[::-2], truth.root_positions_m[::-2]  # not contiguous
-    assert_same(posed_markers_and_jacobian, model._body, *views)
+    assert_same(posed_markers_and_jacobian, model.body, *views)
 
 
 def test_one_root_for_several_poses(model, truth, database):
     poses = pose_from_rotations(truth.rotations[:4], database.mean_rotations)
-    assert_same(posed_markers, model._body, poses, rot.to_matrix(truth.rotations[0, 0]), truth.root_positions_m[0])
+    assert_same(posed_markers, model.body, poses, rot.to_matrix(truth.rotations[0, 0]), truth.root_positions_m[0])
 
 
 def test_larger_bodies_are_refused():

@@ -5,6 +5,8 @@ import statistics
 import time
 from typing import Any
 
+import cv2
+import numpy as np
 import pytest
 from busy import busy_machine
 from desktop import ROOT, BlenderWindow, Desktop
@@ -16,6 +18,7 @@ MEASURED_S = 10.0
 ROUNDS = 5
 WANTED_RATIO = 0.9
 BUSY_S = 15.0
+GHOST_COLOUR, GHOST_PX = (228, 186, 179), 60  # red, green, blue over the selected bones; fewest pixels
 FIRST_FRAMES = 30  # in which all counters and a busy machine's notice have come
 
 
@@ -192,7 +195,17 @@ def test_escape_ends_and_keeps_and_one_undo_takes_it_back(desktop: Desktop, wind
     check_action(redone, run["poses"])
 
 
-def test_a_second_capture_uses_the_same_character(desktop: Desktop, window: BlenderWindow) -> None:
+def ghost_px(desktop: Desktop, window: BlenderWindow, name: str) -> int:
+    """Count the pixels of the 3D view that have the colour of the last take's ghost, on a picture that is kept."""
+    view = window.state()["regions"]["WINDOW"]
+    left, top = map(round, window.from_top(view, 0, 0))
+    picture = cv2.imread(str(desktop.screenshot(name)))
+    assert picture is not None
+    pixels = picture[top : top + view[3], left : left + view[2], ::-1].astype(int)
+    return int((np.abs(pixels - GHOST_COLOUR).max(axis=2) < 6).sum())
+
+
+def test_a_second_capture_uses_the_same_character_and_shows_the_first(desktop: Desktop, window: BlenderWindow) -> None:
     started(desktop, window, "second")
     for number in (1, 2):
         if number > 1:
@@ -200,6 +213,7 @@ def test_a_second_capture_uses_the_same_character(desktop: Desktop, window: Blen
             window.wait(lambda s: s["capture"]["activity"] == "LiveCapture", "second start")
             wait_for_frames(window)
         time.sleep(2.0)
+        assert (ghost_px(desktop, window, f"second-{number}-live") >= GHOST_PX) == (number > 1)
         state = stop(desktop, window, f"second-{number}-stop")
         assert len(state["actions"]) == number
         assert state["armature"] == "Performer"

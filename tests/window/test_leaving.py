@@ -48,6 +48,7 @@ def test_whatever_ends_a_capture_leaves_nothing(desktop: Desktop, window: Blende
     window.order("remove_armature")
     state = ended(window, "end without an armature")
     assert "Performer" in state["capture"]["messages"]["capture"]
+    assert " frames recorded in Capture" in state["capture"]["messages"]["capture"]
     assert len(state["actions"]) == 1, "the recording is kept on a new character"
     time.sleep(2.0)  # until it is drawn
     desktop.screenshot("leaving-2-armature-deleted")

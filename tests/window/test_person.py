@@ -1,10 +1,12 @@
 """A person without markers: the guide from two films to a character that moves, with the mouse."""
 
 import shutil
+import time
 import zipfile
 from collections.abc import Iterator
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 from desktop import BlenderWindow, Desktop
@@ -20,11 +22,13 @@ from sidebar_steps import (
     opened,
     press,
     received,
+    said_of_takes,
     use_active,
 )
 
 OWN = "Khronos_CesiumMan/CesiumMan/glTF-Binary/CesiumMan.glb"
 CAMERAS = (0, 3)  # 108 degrees apart
+FILMED_STD = 15.0  # least deviation of the film's grey levels; an empty viewport's is 3
 ICON_PX = 49  # from the sidebar's right edge, with its tabs, to the middle of the last icon in a row
 
 
@@ -87,6 +91,17 @@ def test_two_films_of_a_person_drive_a_character(
     run = window.order("last_run")
     assert run["poses"] == run["distinct"] == 100
     assert "100 frames recorded" in state["capture"]["messages"]["capture"]
+    hand.toggle("Guide")
+    hand.toggle("Takes")
+    window.order("set", group="perfanim_result", values={"pictures": True})
+    hand.click("Put on Character", sidebar=True)
+    said = said_of_takes(window, "pictures behind")
+    window.order("through", camera=said.split("pictures behind ")[1].split(", ")[0], frame=20)
+    time.sleep(3.0)
+    picture, view = cv2.imread(str(hand.shot("through-the-camera"))), window.state()["regions"]["WINDOW"]
+    assert picture is not None
+    x, y = map(round, window.from_top(view, 0.4 * view[2], 0.5 * view[3]))
+    assert picture[y - 100 : y + 100, x - 60 : x + 60].std() > FILMED_STD
 
 
 @pytest.mark.walkthrough

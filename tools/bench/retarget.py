@@ -1,4 +1,7 @@
-"""A walk and boxing on every character in a folder: bones found, limb directions, twists, feet on the floor."""
+"""A walk and boxing on every character in a folder: bones found, limb directions, twists, feet on the floor.
+
+What is written as FBX and glTF is read back; bone layouts of MPFB (.json) stand for characters without a mesh.
+"""
 
 import contextlib
 import io
@@ -11,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from mpfb_layouts import save_layout
 from perfanim.core.body.motion import sliced
 from perfanim.core.body.standing_on_floor import on_floor
 from perfanim.core.errors import PerfanimError
@@ -18,11 +22,12 @@ from perfanim.core.formats.motion.read_motion import read_motion
 from perfanim.core.system.assets import MOTION
 from perfanim.perfanim_addon.export.retarget_file import retarget_file
 from retargeted import measured
-from stood import stood
+from stood import read_back, stood
 
 from .run import Run
 
-ENDINGS = (".glb", ".gltf", ".vrm", ".blend")
+ENDINGS = (".glb", ".gltf", ".vrm", ".blend", ".json")
+FORMATS = ("blend", "fbx", "glb")  # written
 CLIPS = ("walking-01-neutral", "boxing-01-neutral")
 FRAMES = 180
 SCENE_FPS = 24.0  # a .blend keeps its own rate, so each frame of the motion is put on one of the scene's
@@ -36,8 +41,8 @@ def retarget(run: Run) -> dict[str, Any]:
         rows (character, clip, how far its arms hang in the rest pose, unmapped or doubtful bones, origin of the map,
         largest median angle between the direction of a limb and the performer's, fastest rotation of a
         bone relative to the performer's fastest joint, speed of feet beyond the performer's while these are planted,
-        largest height of the lower sole above or below the floor, farthest slide of a planted foot; the clips have no
-        flight),
+        and for each format largest height of the lower sole above or below the floor, farthest slide of a planted foot;
+        the clips have no flight),
         refused (character, reason), missed (rows that exceed a limit), outputs.
     """
     run.out.mkdir(parents=True, exist_ok=True)
@@ -55,7 +60,7 @@ def retarget(run: Run) -> dict[str, Any]:
         row["direction_deg"] > DIRECTION_DEG
         or row["turn"] > TURN
         or row["slide_cm_s"] > SLIDE_CM_S
-        or max(row["sole_mm"], row["slide_mm"]) > FEET_MM
+        or max(row[f"{form}_{kind}_mm"] for form in FORMATS for kind in ("sole", "slide")) > FEET_MM
         for row in rows
     )
     return run.write("retarget", {"rows": rows, "refused": refused, "missed": missed}, {"": rows, "refused": refused})
@@ -63,11 +68,17 @@ def retarget(run: Run) -> dict[str, Any]:
 
 def _row(path: Path, clip: str) -> dict[str, Any]:
     motion = on_floor(sliced(read_motion(MOTION / f"{clip}.bvh"), 0, FRAMES))
-    if path.suffix == ".blend":
-        motion = replace(motion, fps=SCENE_FPS)
+    feet = {}
     with tempfile.TemporaryDirectory() as folder, _silent():
-        done = retarget_file(motion, path, Path(folder) / "out.blend")
-        figures, feet = measured(done, motion), stood(done, motion)
+        if path.suffix == ".json":
+            save_layout(path, path := Path(folder) / f"{path.stem}.blend")
+        if path.suffix == ".blend":
+            motion = replace(motion, fps=SCENE_FPS)
+        for form in reversed(FORMATS):
+            done = retarget_file(motion, path, Path(folder) / f"out.{form}")
+            again, first = read_back(done, motion.fps) if form != "blend" else (done, 1)
+            feet[form] = stood(again, motion, first)
+        figures = measured(done, motion)
     medians = {limb: float(np.median(errors)) for limb, errors in figures.direction_deg.items()}
     worst = max(medians, key=lambda limb: medians[limb])
     return {
@@ -79,8 +90,13 @@ def _row(path: Path, clip: str) -> dict[str, Any]:
         "direction_deg": round(medians[worst], 2),
         "turn": round(figures.turn_deg / figures.own_turn_deg, 2),
         "slide_cm_s": round(figures.slide_cm_s - figures.own_slide_cm_s, 2),
-        "sole_mm": round(float(np.abs(feet.soles_mm.min(axis=1)).max()), 1),
-        "slide_mm": round(feet.slide_mm, 1),
+    } | {
+        f"{form}_{kind}_mm": round(value, 1)
+        for form in FORMATS
+        for kind, value in (
+            ("sole", float(np.abs(feet[form].soles_mm.min(axis=1)).max())),
+            ("slide", feet[form].slide_mm),
+        )
     }
 
 

@@ -16,9 +16,10 @@ from perfanim.core.body.motion import Motion, resampled, sliced
 from perfanim.core.body.motion_metrics import evaluate
 from perfanim.core.body.skeleton import Skeleton, forward_kinematics
 from perfanim.core.database.store import Database
+from perfanim.core.geometry import quaternion_components as c
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.geometry.arrays import Array
-from perfanim.core.geometry.two_bone_ik import reach_with_two_bones
+from perfanim.core.geometry.two_bone_ik import two_bone_directions
 from perfanim.core.markers.marker_set import Marker, MarkerSet
 from perfanim.core.markers.marker_take import MarkerTake
 from perfanim.core.markers.subject import Subject
@@ -261,12 +262,15 @@ def _reach(skeleton: Skeleton, rotations: Array, root_m: Array, goals: dict[str,
         names = ("femur", "tibia") if is_leg else ("humerus", "radius")
         upper, lower = (skeleton.index(joint[0] + name) for name in names)
         positions, world = forward_kinematics(skeleton, rotations, root_m)
-        first, second = reach_with_two_bones(
-            (positions[upper], positions[lower], positions[end]),
-            (world[upper], world[lower]),
-            goal - positions[upper],
-            rot.rotate(rotations[0], _KNEE if is_leg else _ELBOW),
-            _STRAIGHTEST,
+        bones = [positions[lower] - positions[upper], positions[end] - positions[lower]]
+        vectors = (goal - positions[upper], np.cross(*bones), positions[end] - positions[upper])
+        first_m, second_m = (float(np.linalg.norm(bone)) for bone in bones)
+        reach, normal, unreached = map(c.components, vectors)
+        ways = two_bone_directions(reach, normal, first_m, second_m, unreached, _STRAIGHTEST)
+        turn = rot.between(vectors[2], vectors[0])  # of the whole limb, before its bones bend
+        first, second = (
+            rot.multiply(rot.between(rot.rotate(turn, bone), c.stacked(way)), rot.multiply(turn, world[joint]))
+            for bone, way, joint in zip(bones, ways, (upper, lower), strict=True)
         )
         rotations[upper] = rot.multiply(rot.conjugate(world[skeleton.parents[upper]]), first)
         rotations[lower] = rot.multiply(rot.conjugate(first), second)

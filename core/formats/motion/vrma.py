@@ -17,6 +17,7 @@ from ... import __version__
 from ...body.calibration_poses import t_pose
 from ...body.motion import Motion
 from ...body.skeleton import forward_kinematics
+from ...body.soles import sole_heights_m
 from ...geometry import rotations as rot
 from ...geometry.arrays import Array
 from ...system.files import atomic_path
@@ -28,11 +29,8 @@ _EXTENSION = "VRMC_vrm_animation"
 _FLOAT = 5126  # component type of 32-bit numbers
 
 
-def write_vrma(motion: Motion, path: Path | str, sole_m: float = 0.02) -> None:
+def write_vrma(motion: Motion, path: Path | str) -> None:
     """Write a motion of the standard skeleton as a VRM animation.
-
-    Args:
-        sole_m: Height of the lowest joint of a standing foot above the floor.
 
     Raises:
         FormatError: The file cannot be written.
@@ -42,8 +40,8 @@ def write_vrma(motion: Motion, path: Path | str, sole_m: float = 0.02) -> None:
     bones = [name[:1].lower() + name[1:] for name in poses.names]
     above = [poses.names.index(parent) if parent else -1 for _, parent in BONES.values()]
     places = poses.positions_m[0].copy()
-    joints, _ = forward_kinematics(motion.skeleton, t_pose(motion.skeleton), np.zeros(3))
-    places[0] = 0.0, sole_m - float(joints[:, 1].min()), 0.0  # hips above the floor
+    posed = forward_kinematics(motion.skeleton, t_pose(motion.skeleton), np.zeros(3))
+    places[0] = 0.0, -float(sole_heights_m(motion.skeleton, *posed).min()), 0.0  # hips above the floor
     nodes: list[dict[str, Any]] = [
         {"name": bone, "translation": place} for bone, place in zip(bones, places.tolist(), strict=True)
     ]

@@ -11,6 +11,23 @@ static void STAGE(carry)(const double *p, const double *a, const double *v, doub
   for (int i = 0; i < 3; i++) out[i] = p[i] + (a[3 * i] * v[0] + a[3 * i + 1] * v[1] + a[3 * i + 2] * v[2]);
 }
 
+/* quaternion of a rotation vector */
+static void STAGE(quaternion)(const double *v, double *q) {
+  double half = 0.5 * sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]), safe = half > DBL_MIN ? half : DBL_MIN;
+  double factor = 0.5 * sin(safe) / safe;
+  q[0] = cos(half);
+  for (int i = 0; i < 3; i++) q[1 + i] = factor * v[i];
+}
+
+/* matrix of a unit quaternion */
+static void STAGE(matrix)(const double *q, double *matrix) {
+  double w = q[0], i = q[1], j = q[2], k = q[3];
+  double r[9] = {1 - 2 * (j * j + k * k), 2 * (i * j - w * k),     2 * (i * k + w * j),
+                 2 * (i * j + w * k),     1 - 2 * (i * i + k * k), 2 * (j * k - w * i),
+                 2 * (i * k - w * j),     2 * (j * k + w * i),     1 - 2 * (i * i + j * j)};
+  memcpy(matrix, r, sizeof r);
+}
+
 /* exp(v) and its right Jacobian (Sola 2018, Eq. 143) */
 static void STAGE(exponential)(const double *v, double *turn, double *jacobian) {
   double square = v[0] * v[0] + v[1] * v[1] + v[2] * v[2];

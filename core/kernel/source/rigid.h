@@ -71,10 +71,8 @@ EXPORT int64_t STAGE(fit_rigid)(int64_t count, const double *source, const doubl
   if (STAGE(largest_vector)(a, fitted)) return 2;
   double sign = fitted[0] < 0.0 ? -1.0 : 1.0;
   for (int i = 0; i < 4; i++) fitted[i] *= sign;
-  double w = fitted[0], i = fitted[1], j = fitted[2], k = fitted[3];
-  double r[9] = {1 - 2 * (j * j + k * k), 2 * (i * j - w * k),     2 * (i * k + w * j),
-                 2 * (i * j + w * k),     1 - 2 * (i * i + k * k), 2 * (j * k - w * i),
-                 2 * (i * k - w * j),     2 * (j * k + w * i),     1 - 2 * (i * i + j * j)};
+  double r[9];
+  STAGE(matrix)(fitted, r);
   for (int c = 0; c < 3; c++) fitted[4 + c] = q[c] - (r[3 * c] * p[0] + r[3 * c + 1] * p[1] + r[3 * c + 2] * p[2]);
   return 0;
 }

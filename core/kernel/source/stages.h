@@ -1,6 +1,10 @@
 /* All stages, included once for each instruction set. */
 #include "kinematics.h"
+#include "linear.h"
 
-#include "gaussian.h"
+#include "assignment.h"
+#include "fit.h"
+#include "learned.h"
+#include "prior.h"
 #include "rigid.h"
 #include "search.h"

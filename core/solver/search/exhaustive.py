@@ -2,11 +2,9 @@
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.linalg.blas import sgemv
 
 from ...geometry.arrays import Array, FloatArray, IntArray
 
@@ -100,11 +98,11 @@ class ExhaustiveSearch:
         if not isinstance(frames, slice):
             return distances_between(query, self._markers.take(frames, axis=0), self._poses, frames)
         target, weights, pose = query.single_precision
-        result = times(self.marker_norms[frames], weights)
-        result -= times(self._markers[frames], 2.0 * weights * target)
+        result = self.marker_norms[frames] @ weights
+        result -= self._markers[frames] @ (2.0 * weights * target)
         result += (weights * target) @ target
         if pose is not None:
-            between = self.pose_norms[frames] - 2.0 * times(self._poses[frames], pose) + pose @ pose
+            between = self.pose_norms[frames] - 2.0 * (self._poses[frames] @ pose) + pose @ pose
             result += np.float32(query.pose_weight) * between
         return result
 
@@ -119,19 +117,12 @@ def distances_between(query: Query, markers_m: FloatArray, poses: FloatArray, fr
     target, weights, pose = query.single_precision
     markers_m -= target
     markers_m *= markers_m
-    result = times(markers_m, weights)
+    result = markers_m @ weights
     if pose is not None:
         away = poses.take(frames, axis=0)
         away -= pose
         result += np.float32(query.pose_weight) * np.einsum("fd,fd->f", away, away)
     return result
-
-
-def times(rows: NDArray[Any], vector: FloatArray) -> FloatArray:
-    """Return rows @ vector, computed by SciPy's OpenBLAS because Blender's NumPy may be slow."""
-    if len(rows) == 0:  # BLAS rejects empty matrices
-        return np.zeros(0, dtype=np.float32)
-    return np.asarray(sgemv(1.0, rows.T, vector, trans=1))
 
 
 def closest(distances: FloatArray, count: int) -> tuple[IntArray, Array]:

@@ -8,12 +8,11 @@ root), and the result for a frame does not depend on the previous frame.
 import math
 
 import numpy as np
-from scipy.linalg.blas import sgemm
 
 from ...geometry.arrays import Array, FloatArray, IntArray
 from ...geometry.principal_components import principal_components
 from ..database_markers import BESIDE, MOST, DatabaseMarkers
-from .exhaustive import Query, closest, times
+from .exhaustive import Query, closest
 from .stored_distances import frame_distances, row_distances
 
 _SCANNED = 6144  # approximate number of frames in the cells that are scanned
@@ -77,7 +76,7 @@ class CellSearch:
 
     def _facts_of(self, poses: FloatArray) -> FloatArray:
         """Return the leading components of poses, followed by the length of the remainder (K, B)."""
-        strongest = np.asarray(sgemm(1.0, self._components.T, poses.T)).T
+        strongest = poses @ self._components
         rest = np.einsum("fd,fd->f", poses, poses) - np.einsum("fc,fc->f", strongest, strongest)
         return np.column_stack((strongest, np.sqrt(np.maximum(rest, 0.0))))
 
@@ -97,7 +96,7 @@ class CellSearch:
         if scanned >= len(self._markers):
             self.visited += len(self._markers)
             return np.arange(len(self._markers))
-        away = times(self._centres, -2.0 * weights * target) + times(self._centre_squares, weights)
+        away = self._centres @ (-2.0 * weights * target) + self._centre_squares @ weights
         some = min(math.ceil(scanned / len(self._markers) * len(away)), len(away) - 1)
         cells = np.argpartition(away, some)[: some + 1]
         if self._sizes[cells].sum() < _COMPARED * count:

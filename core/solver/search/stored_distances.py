@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from ...geometry.arrays import FloatArray, IntArray
 from ...kernel.library import address, checked, contiguous, function, stage
 from ..database_markers import DatabaseMarkers
-from .exhaustive import Query, distances_between, times
+from .exhaustive import Query, distances_between
 
 _ROWS = function("row_distances", "pnnpnppp")
 _FRAMES = function("frame_distances", "pnnpfpnppnpnpfp")
@@ -27,7 +27,7 @@ def row_distances(stored: NDArray[Any], rows: IntArray, target: FloatArray, weig
     away = stored.take(rows, axis=0).astype(np.float32)
     away -= target
     away *= away
-    return times(away, weights)
+    return np.asarray(away @ weights)
 
 
 def _compiled_frames(markers: DatabaseMarkers, query: Query, poses: FloatArray, frames: IntArray) -> FloatArray:

@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.spatial.distance import pdist
 
 from ...errors import CalibrationError
 from ...geometry.arrays import Array, IntArray
@@ -81,6 +80,6 @@ def scaled_to(rig: CameraRig, points_m: ArrayLike, longest_m: float) -> tuple[Ca
     if not 0.0 < longest_m < np.inf:
         raise CalibrationError(f"markers cannot be {longest_m:g} m apart", advice="measure from centre to centre")
     points = np.asarray(points_m, dtype=np.float64)
-    factor = longest_m / float(pdist(points).max())
+    factor = longest_m / float(np.linalg.norm(points[:, None] - points, axis=-1).max())
     cameras = tuple(replace(camera, translation_m=camera.translation_m * factor) for camera in rig.cameras)
     return replace(rig, cameras=cameras), points * factor, factor

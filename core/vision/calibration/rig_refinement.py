@@ -8,7 +8,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.optimize import least_squares
 
 from ...errors import CalibrationError, counted
 from ...geometry import rotations as rot
@@ -139,6 +138,8 @@ def _fit_cameras(rig: CameraRig, observed: Array, weights: Array) -> tuple[Camer
         # the squares of these errors are a soft L1 loss
         errors = np.sign(errors) * np.sqrt(2.0 * (np.sqrt(1.0 + errors**2) - 1.0))
         return np.concatenate((errors * scale, unknown / usual))
+
+    from scipy.optimize import least_squares  # slow to load; a capture does without, unless a camera was bumped
 
     result = least_squares(residuals, np.zeros(len(usual)), bounds=(-10.0 * usual, 10.0 * usual), x_scale=usual)
     covariance = np.linalg.inv(result.jac.T @ result.jac)

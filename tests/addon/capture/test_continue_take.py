@@ -70,6 +70,8 @@ def test_the_second_take_begins_where_the_first_is(
     seam = np.linalg.norm(np.diff(shown[CUT - 4 : CUT + 60, 0], 2, axis=0), axis=-1).max()
     own_m = max(np.linalg.norm(np.diff(each.root_positions_m, 2, axis=0), axis=-1).max() for each in (first, second))
     assert seam <= 1.5 * own_m
+    speeds = np.linalg.norm(np.diff(shown[CUT - 3 : CUT + 1, 0], axis=0), axis=-1)  # in the frames around the playhead
+    assert np.ptp(speeds) < 0.3 * speeds[0]  # it does not stop there
     for foot in (1, 2):  # a foot that stands at the playhead does not slide away
         toes = shown[CUT - 3 : CUT + 60, foot]
         steps = np.linalg.norm(np.diff(toes[:, :2], axis=0), axis=-1)

@@ -308,7 +308,9 @@ def test_a_take_names_all_and_each_can_be_exported(
     part: Any, chosen: Any, ben: Any, take: str, listed_takes: Any, tmp_path: Path
 ) -> None:
     (item,) = listed_takes()
-    assert part("panels.takes_panel").origin_of(item.summary) == "Anna and Ben, boxing, lwr, database walks"
+    assert (
+        part("panels.takes_panel").origin_of(item.summary) == "Anna and Ben, markers boxing, method lwr, database walks"
+    )
     given = {"path": take, "kind": "BVH"}
     with pytest.raises(RuntimeError, match="Ben: the performer has no character"):
         bpy.ops.perfanim.export_take(**given, filepath=str(tmp_path / "b.bvh"), performer=2)

@@ -67,7 +67,7 @@ def test_marker_takes_are_imported_into_the_list_and_played(
     (item,) = listed_takes()
     assert (item.title, item.summary.complete) == ("walk", True)
     panel = part("panels.takes_panel")
-    assert panel.origin_of(item.summary) == "Anna, locomotion, nearest, database walk"
+    assert panel.origin_of(item.summary) == "Anna, markers locomotion, method nearest, database walk"
     assert panel.size_of(item.summary).startswith("20 frames, ")
     bpy.context.scene.render.fps = 30
     bpy.context.scene.frame_set(7)
@@ -157,8 +157,8 @@ def test_a_take_is_solved_again_with_other_settings(
     text = run_job(part, operator, SimpleNamespace(path=path, method="local-pca", **CHOSEN))
     assert text == "20 frames solved as walk (local-pca)"
     assert [(i.title, part("panels.takes_panel").origin_of(i.summary)) for i in listed_takes()] == [
-        ("walk (local-pca)", "Anna anew, locomotion, local-pca, database walk"),
-        ("walk", "Anna, locomotion, nearest, database walk"),
+        ("walk (local-pca)", "Anna anew, markers locomotion, method local-pca, database walk"),
+        ("walk", "Anna, markers locomotion, method nearest, database walk"),
     ]
     assert bpy.context.window_manager.perfanim_takes.active == 0
     chosen.calibration = ""

@@ -99,7 +99,7 @@ def self_test(addon: ModuleType, extension: str) -> Any:
     return importlib.import_module(f"{extension}.perfanim_addon.capture.self_test_run")
 
 
-def test_the_self_test_captures_the_simulated_performer(self_test: Any, tmp_path: Path) -> None:
+def test_the_self_test_captures_the_simulated_performer(self_test: Any, part: Any, tmp_path: Path) -> None:
     database = str(tmp_path / "some.pfdb")
     build = ["database", "build", *map(str, MOTION.glob("transition-*.bvh")), "--out", database]
     first = self_test.Job("Building", self_test.PANEL, self_test.command(build), None)
@@ -111,6 +111,8 @@ def test_the_self_test_captures_the_simulated_performer(self_test: Any, tmp_path
     poses, good = (int(word) for word in capture.split() if word.isdigit())
     assert poses >= self_test.TUNING.tested_poses
     assert good > 0.9 * poses
+    said = part("operators.self_test_operator").PERFANIM_OT_self_test.on_result(None, None, test.summary)
+    assert said == "everything works" + ("" if test.summary["cameras"] else ", but there is no camera yet")
 
 
 def test_the_self_test_tells_what_does_not_work(self_test: Any, tmp_path: Path) -> None:

@@ -7,9 +7,10 @@ import pytest
 from perfanim.core.body.body_size import SOLE_BELOW_TOES_M, standing_root_m
 from perfanim.core.body.calibration_poses import standing
 from perfanim.core.body.motion import Motion, sliced
-from perfanim.core.body.moved_feet import balls_m, floor_height_m, hold_planted, planted_feet, sole_heights
+from perfanim.core.body.moved_feet import floor_height_m, hold_planted, sole_heights
 from perfanim.core.body.skeleton import forward_kinematics
 from perfanim.core.body.standard_skeleton import default_skeleton
+from perfanim.core.body.standing_feet import balls_m, planted_feet
 from perfanim.core.body.standing_on_floor import on_floor
 from perfanim.core.formats.motion.read_motion import read_motion
 from perfanim.core.geometry import rotations as rot

@@ -1,13 +1,12 @@
 """Bone maps found by names and by shape, of rigs drawn here and of others' layouts."""
 
-import json
 from pathlib import Path
 
 import numpy as np
 import pytest
 from figures import PLAIN, armature, figure
+from mpfb_layouts import layout
 from perfanim.core.errors import CharacterError
-from perfanim.core.retarget.armature_rest import ArmatureRest
 from perfanim.core.retarget.bone_map import MatchState, checked_map, find_bone_map
 from perfanim.core.retarget.bone_map_files import read_presets
 
@@ -168,29 +167,6 @@ def test_doubtful_joints_say_why() -> None:
         checked_map(rest, wanted | {"head": "nose"}, "chosen by hand")
     with pytest.raises(CharacterError, match="no bone is given for Thigh L"):
         checked_map(rest, {joint: bone for joint, bone in wanted.items() if joint != "lfemur"}, "chosen by hand")
-
-
-def layout(path: Path) -> ArmatureRest:
-    """A bone layout of MPFB as it would be on its default body."""
-    read = json.loads(path.read_text())
-    bones = read.get("bones", read)
-    order: list[str] = []
-
-    def add(name: str) -> None:
-        if name not in order:
-            if bones[name].get("parent"):
-                add(bones[name]["parent"])
-            order.append(name)
-
-    for name in bones:
-        add(name)
-    place = {name: index for index, name in enumerate(order)}
-    ends = [np.array([bones[n][end].get("default_position", (0, 0, 0)) for n in order]) for end in ("head", "tail")]
-    parents = np.array([place[bones[n]["parent"]] if bones[n].get("parent") else -1 for n in order])
-    yes = np.ones(len(order), dtype=bool)
-    return ArmatureRest(
-        tuple(order), parents, *ends, np.tile(np.eye(3), (len(order), 1, 1)), yes, yes, yes, np.ones(len(order)), ~yes
-    )
 
 
 @pytest.mark.parametrize(

@@ -11,11 +11,13 @@ from measures import direction_errors_deg, pose_bones, slides_cm_s, to_performer
 from perfanim.core.body.motion import Motion, sliced
 from perfanim.core.body.skeleton import forward_kinematics
 from perfanim.core.body.standard_skeleton import scaled
+from perfanim.core.body.standing_on_floor import on_floor
 from perfanim.core.errors import CharacterError
 from perfanim.core.formats.motion.read_motion import read_motion
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.retarget.armature_rest import ArmatureRest
 from perfanim.core.retarget.bone_map import find_bone_map
+from perfanim.core.retarget.character_fit import CharacterFit, SkinPoints
 from perfanim.core.retarget.retargeter import RetargetPlan, RootMotion, apply_plan, plan_retarget
 from perfanim.core.system.assets import MOTION
 
@@ -97,6 +99,33 @@ def test_a_standing_performers_character_stands_on_its_ground() -> None:
     made, _, heads, _ = retargeted(motion, figure())
     toes = heads[:, [made.joints["ltoes"], made.joints["rtoes"]], 2]
     assert np.percentile(toes.min(axis=1), 5) == pytest.approx(0.02, abs=0.03)
+
+
+def test_heels_that_turn_with_the_shin_stay_on_the_floor() -> None:
+    """As on robots and stiff boots: the shin leans back as the foot lands, and its heel would go into the floor."""
+    motion, rest = on_floor(sliced(shipped("walking-01-neutral"), 0, 120)), figure(seed=1)
+    bones, skins, heels = find_bone_map(rest), {}, {}
+    for side in "lr":
+        ankle = rest.heads[rest.index[bones.bones[side + "foot"]]]
+        flat = [ankle * [1.0, 1.0, 0.0] + [across, ahead, 0.0] for across in (-0.04, 0.04) for ahead in (-0.18, 0.0)]
+        heels[side] = ankle * [1.0, 1.0, 0.0] + [0.0, 0.1, 0.0]
+        skins[side] = SkinPoints(
+            np.array(flat), np.zeros(4), np.array([heels[side], ankle + np.array([0.0, 0.05, 0.0])])
+        )
+    lowest_mm = []
+    for known in (False, True):
+        shanks = {side: skin.shank if known else np.empty((0, 3)) for side, skin in skins.items()}
+        fit = CharacterFit({side: replace(skin, shank=shanks[side]) for side, skin in skins.items()})
+        made = plan_retarget(motion.skeleton, rest, bones, fit=fit)
+        heads, turns = pose_bones(rest, made, apply_plan(made, motion.rotations, motion.root_positions_m))
+        places = []
+        for side, heel in heels.items():
+            shank = rest.index[bones.bones[side + "tibia"]]
+            since = rot.multiply(turns[:, shank], rot.conjugate(rot.from_matrix(rest.axes[shank])))
+            places.append(to_performer(made, heads[:, shank] + rot.rotate(since, heel - rest.heads[shank]))[:, 1])
+        lowest_mm.append(1000.0 * float(np.min(places)))
+    assert lowest_mm[0] < -20.0  # as if the heel were not there
+    assert lowest_mm[1] > -3.0
 
 
 @pytest.mark.parametrize("root_motion", [RootMotion.ROOT_BONE, RootMotion.OBJECT])

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from perfanim.core.body.calibration_poses import standing
 from perfanim.core.body.motion import Motion
-from perfanim.core.body.moved_feet import FEET_SETTINGS, balls_m, sole_heights
+from perfanim.core.body.moved_feet import sole_heights
 from perfanim.core.body.skeleton import forward_kinematics
+from perfanim.core.body.standing_feet import STANDING, balls_m
 from perfanim.core.sketch.above_floor import above_floor
 from perfanim.core.sketch.sketch_file import Control, Sketch
 from perfanim.core.sketch.solve_sketch import LIMITS, SketchSolver
@@ -42,7 +43,7 @@ def test_soles_stay_above_the_floor_and_rest_at_the_ends(truth, stance, solver, 
     assert solution.unmet == ()
     assert sole_heights(solution.motion).min() > -0.001
     speeds = np.linalg.norm(np.diff(balls_m(solution.motion), axis=0), axis=-1) * FPS
-    assert speeds[[0, -1]].max() < FEET_SETTINGS.planted_m_s  # they stand, in other parts of the program, too
+    assert speeds[[0, -1]].max() < STANDING.planted_m_s  # they stand, in other parts of the program, too
     assert speeds.max() > 1.0  # it walked
 
 

@@ -7,9 +7,9 @@ from perfanim.core.solver.gaussian_conditioning import (
     Prior,
     continue_prior,
     fit_to_markers,
-    neighbours_prior,
     widen_joints,
 )
+from perfanim.core.solver.neighbours_prior import gaussian_given
 from perfanim.core.solver.observation import Observation
 from perfanim.core.solver.subject_model import RootPose
 from scipy.stats import multivariate_normal
@@ -30,14 +30,14 @@ def gaussian(seed, size=7):
 def test_prior_is_the_weighted_mean_and_covariance():
     poses, weights = gaussian(0)
     floor = np.diag(np.linspace(0.01, 0.02, 7))
-    prior = neighbours_prior(poses, weights, floor, *NO_PAST)
+    prior = gaussian_given(poses, weights, floor, *NO_PAST)
     np.testing.assert_allclose(prior.mean, np.average(poses, axis=0, weights=weights))
     expected = np.cov(poses.T, aweights=weights, ddof=0) + floor
     np.testing.assert_allclose(prior.covariance, expected, atol=1e-12)
 
 
 def test_continued_prior_is_the_product_of_gaussians():
-    prior = neighbours_prior(*gaussian(1), 0.01 * np.eye(7), *NO_PAST)
+    prior = gaussian_given(*gaussian(1), 0.01 * np.eye(7), *NO_PAST)
     generator = np.random.default_rng(2)
     expected, factor = generator.normal(size=7), generator.normal(size=(7, 7))
     change = factor @ factor.T + 0.1 * np.eye(7)
@@ -49,7 +49,7 @@ def test_continued_prior_is_the_product_of_gaussians():
 
 
 def test_joints_are_widened_where_another_prior_is_far_away():
-    first, second = (neighbours_prior(*gaussian(seed, 9), 0.01 * np.eye(9), *NO_PAST) for seed in (4, 5))
+    first, second = (gaussian_given(*gaussian(seed, 9), 0.01 * np.eye(9), *NO_PAST) for seed in (4, 5))
     mean = first.mean.copy()
     variances = first.covariance.diagonal() + second.covariance.diagonal()
     mean[1] += np.sqrt(3.0 * variances[:3].sum())  # of the first joint: three times its variances
@@ -62,10 +62,10 @@ def test_joints_are_widened_where_another_prior_is_far_away():
 
 def test_prior_is_regressed_on_observations():
     samples, weights = gaussian(3)
-    prior = neighbours_prior(samples, weights, 0.01 * np.eye(7), *NO_PAST)
+    prior = gaussian_given(samples, weights, 0.01 * np.eye(7), *NO_PAST)
     observed = np.array([0.5, np.nan, -0.2])  # the last three entries, one of them unknown
     variances = np.array([0.05, 0.3, 0.01])
-    result = neighbours_prior(samples, weights, 0.01 * np.eye(7), observed, variances)
+    result = gaussian_given(samples, weights, 0.01 * np.eye(7), observed, variances)
     seen, joint = [4, 6], prior.covariance
     gain = joint[:4, seen] @ np.linalg.inv(joint[np.ix_(seen, seen)] + np.diag(variances[[0, 2]]))
     np.testing.assert_allclose(result.mean, prior.mean[:4] + gain @ (observed[[0, 2]] - prior.mean[seen]), atol=1e-10)
@@ -73,8 +73,8 @@ def test_prior_is_regressed_on_observations():
 
 
 def test_prior_without_observations_is_unchanged():
-    prior = neighbours_prior(*gaussian(4), 0.01 * np.eye(7), *NO_PAST)
-    result = neighbours_prior(*gaussian(4), 0.01 * np.eye(7), np.full(3, np.nan), np.full(3, 0.05))
+    prior = gaussian_given(*gaussian(4), 0.01 * np.eye(7), *NO_PAST)
+    result = gaussian_given(*gaussian(4), 0.01 * np.eye(7), np.full(3, np.nan), np.full(3, 0.05))
     np.testing.assert_allclose(result.mean, prior.mean[:4], atol=1e-12)
     np.testing.assert_allclose(result.covariance, prior.covariance[:4, :4], atol=1e-12)
 
@@ -89,7 +89,7 @@ def frame_at(at, database, truth, true_markers):
     poses = np.asarray(database.poses, dtype=np.float64).reshape(database.frames, -1)
     pose = pose_from_rotations(truth.rotations[at], database.mean_rotations).ravel()
     near = poses[np.argsort(np.linalg.norm(poses - pose, axis=1))[:100]]
-    prior = neighbours_prior(near, np.full(100, 0.01), FLOOR, *NO_PAST)
+    prior = gaussian_given(near, np.full(100, 0.01), FLOOR, *NO_PAST)
     root = RootPose(
         rot.multiply(truth.rotations[at, 0], rot.from_rotation_vector([0.03, -0.04, 0.02])),
         truth.root_positions_m[at] + np.array([0.01, -0.02, 0.01]),
@@ -122,7 +122,7 @@ def test_fitted_markers_are_within_their_noise(model, frame):
 def test_fit_comes_closer_to_the_true_pose_than_the_prior(model, frame, database):
     _, true_pose, root, points = frame
     poses = np.asarray(database.poses[::10], dtype=np.float64).reshape(-1, 84)
-    prior = neighbours_prior(
+    prior = gaussian_given(
         poses, np.full(len(poses), 1.0 / len(poses)), FLOOR, *NO_PAST
     )  # knows nothing of this moment
     expectation = Expectation(prior, Observation.of_points(points), root, (0.03, 0.1), UNLIMITED)

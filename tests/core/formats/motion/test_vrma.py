@@ -5,11 +5,14 @@ import struct
 
 import numpy as np
 import pytest
-from perfanim.core.body.motion import resampled
+from perfanim.core.body.motion import resampled, sliced
 from perfanim.core.body.skeleton import forward_kinematics
+from perfanim.core.body.standing_on_floor import on_floor
+from perfanim.core.formats.motion.read_motion import read_motion
 from perfanim.core.formats.motion.write_motion import write_motion
 from perfanim.core.formats.vmc.humanoid import BONES
 from perfanim.core.geometry import rotations as rot
+from perfanim.core.system.assets import MOTION
 
 # of https://github.com/vrm-c/vrm-specification, VRMC_vrm-1.0/humanoid.md
 REQUIRED = {
@@ -132,6 +135,18 @@ def test_the_bones_are_where_the_joints_are(written, truth):
         for bone, joint in JOINTS.items():
             if bone != "head":  # it hangs on a second joint of the neck, which humanoids lack
                 assert found[bone] == pytest.approx(positions[frame, truth.skeleton.index(joint)], abs=1e-5), bone
+
+
+def test_the_motion_and_the_rest_pose_stand_on_the_same_floor(tmp_path):
+    """Programs move an avatar's hips relative to the rest pose's: its soles are as far off as the two differ."""
+    write_motion(on_floor(sliced(read_motion(MOTION / "boxing-01-neutral.bvh"), 0, 90)), tmp_path / "box.vrma")
+    document, numbers = read(tmp_path / "box.vrma")
+
+    def lowest_m(frame):
+        found = places(document, numbers, frame)
+        return min(found[side + "Toes"][1] for side in ("left", "right"))
+
+    assert np.median([lowest_m(frame) for frame in range(0, 90, 6)]) == pytest.approx(lowest_m(None), abs=0.002)
 
 
 def test_neighbouring_quaternions_lie_in_one_hemisphere_and_the_rate_can_be_another(truth, tmp_path):
