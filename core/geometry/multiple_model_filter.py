@@ -6,6 +6,7 @@ model predicts a point, the more weight it has, so a point at rest is held still
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -71,6 +72,11 @@ class MultipleModelFilter:
             part.reshape(*rows.shape[:2], 3, 3) for part in (rows[..., :9], rows[..., 9:])
         )
         self._rows = rows
+
+    def __setstate__(self, values: dict[str, Any]) -> None:
+        """Restore a copy, in which states and covariances are views of the same rows again."""
+        self.__dict__.update(values)
+        self._hold(self._rows)
 
     @property
     def followed(self) -> Mask:

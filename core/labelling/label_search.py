@@ -1,6 +1,6 @@
 """Search for labels without history, spread over several frames."""
 
-from ..geometry.arrays import Array, IntArray
+from ..geometry.arrays import Array, IntArray, Mask
 from .initial_labelling import InitialLabeller, InitialLabels
 from .labeller import Labeller
 
@@ -17,18 +17,18 @@ class LabelSearch:
 
     Args:
         points_m: Points (N, 3) of the frame that is searched.
-        follower: New labeller that carries the labels over.
+        torso: Markers (M,) on the torso.
 
     Attributes:
         found: Labels of that frame's points; None if the points do not look like a body.
     """
 
-    def __init__(self, initial: InitialLabeller, points_m: Array, follower: Labeller) -> None:
+    def __init__(self, initial: InitialLabeller, points_m: Array, torso: Mask) -> None:
         self.found: InitialLabels | None = None
         self.points_m = points_m
         self._search, self._is_done = initial.search(points_m), False
         self._later: list[tuple[Array, float]] = []
-        self._follower = follower
+        self._torso = torso
 
     def follow(self, points_m: Array, elapsed_s: float) -> None:
         """Add the points (N, 3) of the next frame."""
@@ -49,7 +49,8 @@ class LabelSearch:
 
     def carry(self, labels: IntArray) -> tuple[Labeller, IntArray]:
         """Return a labeller that has tracked labels (N,) to the latest frame, and the labels of that frame's points."""
-        self._follower.begin(self.points_m, labels)
+        labeller = Labeller(self._torso)
+        labeller.begin(self.points_m, labels)
         for points_m, elapsed_s in self._later:
-            labels = self._follower.follow(points_m, elapsed_s)
-        return self._follower, labels
+            labels = labeller.follow(points_m, elapsed_s)
+        return labeller, labels

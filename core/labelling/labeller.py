@@ -38,7 +38,6 @@ class LabellerSettings:
     pixel_sigma: float = 0.5  # standard deviation of blob centres
     meeting_px: float = 3.0  # reprojection error above which rays are not of the same marker
     memory_s: float = 0.1  # longest time for which a marker's last velocity is used
-    briefly_s: float = 0.05  # longest time for which a hidden torso marker is as reliable as a visible one
     steady_m: float = 0.06  # largest distance from the extrapolated position of a marker that is tracked confidently
 
 
@@ -72,15 +71,6 @@ class LabelledBlobs:
         shown = self.blobs >= 0
         alone = np.any(shown, axis=1) & ~np.isfinite(self.points_m[:, 0])
         return np.where(alone, np.argmax(shown, axis=1), -1)
-
-
-@dataclass(frozen=True)
-class Priority:
-    """Order in which M markers choose their points or blobs."""
-
-    tracked: Mask  # (M,) markers located in the last frame: they choose first
-    torso: Mask  # (M,) those of them on the torso
-    returning: Mask  # (M,) torso markers briefly hidden: also first, but never a point that may be one of `torso`
 
 
 class Labeller:
@@ -131,12 +121,9 @@ class Labeller:
             elapsed_s: Time since that pose.
         """
         labels = np.full(len(points_m), -1, dtype=np.int64)
-        hidden_s = self._tracks.hidden_s
-        tracked = hidden_s == 0.0
-        returning = self._torso & ~tracked & (hidden_s <= _S.briefly_s)
-        priority = Priority(tracked, self._torso & tracked, returning)
         expected, gates = self.expected(predicted_m, elapsed_s)
-        rows, columns = assign_points(points_m, covariances_m2, expected, gates, priority)
+        tracked = self._tracks.hidden_s == 0.0
+        rows, columns = assign_points(points_m, covariances_m2, expected, gates, tracked)
         labels[rows] = columns
         rows, columns = self._lone_points(points_m, np.flatnonzero(labels < 0), expected, columns)
         labels[rows] = columns
@@ -164,14 +151,11 @@ class Labeller:
         frame = undistort_blobs(frame, cameras)
         expected, gates = self.expected(predicted_m, elapsed_s)
         tracked = self._tracks.hidden_s == 0.0
-        # returning markers get no priority here: a hidden marker's nearest blob is often its occluder
-        never = np.zeros_like(tracked)
-        priority = Priority(tracked, never, never)
         count = len(expected)
         blobs = np.full((count, len(cameras)), -1, dtype=np.int64)
         distances = np.full((count, len(cameras)), np.inf)
         for index, camera in enumerate(cameras):
-            rows, columns, shares = assign_blobs(frame.blobs[index], camera, expected, gates, priority)
+            rows, columns, shares = assign_blobs(frame.blobs[index], camera, expected, gates, tracked)
             blobs[columns, index] = rows
             distances[columns, index] = shares
         gates[self._take_lone_points(frame, blobs, expected)] = _S.lone_reach_m
@@ -276,7 +260,7 @@ class Labeller:
 
 
 def assign_points(
-    points_m: Array, covariances_m2: Array, expected_m: Array, gates_m: Array, priority: Priority | None = None
+    points_m: Array, covariances_m2: Array, expected_m: Array, gates_m: Array, first: Mask | None = None
 ) -> tuple[IntArray, IntArray]:
     """Return indices of the points and of the markers to which they are assigned.
 
@@ -285,15 +269,15 @@ def assign_points(
         covariances_m2: Their covariances (N, 3, 3).
         expected_m: Expected markers (M, 3).
         gates_m: Largest distances (M,) from the expected positions.
-        priority: Order in which markers choose; by default they choose together.
+        first: Markers (M,) that choose first; by default all choose together.
     """
     deviation = np.sqrt(np.trace(covariances_m2, axis1=1, axis2=2) / 3.0)
     distances = np.linalg.norm(points_m[:, None] - expected_m[None], axis=-1)
-    return _assign_by_priority((distances / (gates_m[None] + 2.0 * deviation[:, None])) ** 2, priority)
+    return _assign_in_order((distances / (gates_m[None] + 2.0 * deviation[:, None])) ** 2, first)
 
 
 def assign_blobs(
-    blobs: FloatArray, camera: Camera, expected_m: Array, gates_m: Array, priority: Priority | None = None
+    blobs: FloatArray, camera: Camera, expected_m: Array, gates_m: Array, first: Mask | None = None
 ) -> tuple[IntArray, IntArray, Array]:
     """Return indices of the blobs of one image and of their markers, and their distances as shares of the gates.
 
@@ -306,24 +290,20 @@ def assign_blobs(
         distances = np.linalg.norm(pixels[:, None] - camera.project(expected_m)[None], axis=-1)
     limits = gates_m * camera.focal_px / depth
     costs = (np.where(np.isnan(distances), np.inf, distances) / limits[None]) ** 2
-    rows, columns = _assign_by_priority(costs, priority)
+    rows, columns = _assign_in_order(costs, first)
     return rows, columns, distances[rows, columns] / limits[columns]
 
 
-def _assign_by_priority(costs: Array, priority: Priority | None) -> tuple[IntArray, IntArray]:
-    """Return rows and columns of the best assignment with costs (N, M).
+def _assign_in_order(costs: Array, first: Mask | None) -> tuple[IntArray, IntArray]:
+    """Return rows and columns of the best assignment with costs (N, M), some columns (M,) first.
 
     Tracked markers come first: in a joint assignment a hidden marker's wide gate would take their points.
     """
-    if priority is None or priority.tracked.all():
+    if first is None or first.all():
         return assign(costs)
-    first = np.flatnonzero(priority.tracked | priority.returning)
-    own = costs[:, first]
-    if priority.returning.any():
-        is_taken = np.any(costs[:, priority.torso] < 1.0, axis=1)
-        own = np.where(is_taken[:, None] & priority.returning[first], np.inf, own)
-    rows, columns = assign(own)
-    columns = first[columns]
+    chosen = np.flatnonzero(first)
+    rows, columns = assign(costs[:, chosen])
+    columns = chosen[columns]
     left = np.setdiff1d(np.arange(costs.shape[0]), rows)
     others = np.setdiff1d(np.arange(costs.shape[1]), columns)
     further_rows, further_columns = assign(costs[np.ix_(left, others)])

@@ -56,12 +56,12 @@ class MultiTargetSession:
     @property
     def labellings(self) -> int:
         """Number of times so far that labels were found without history, or replaced."""
-        return sum(session.labeller.labellings for session in self._sessions)
+        return sum(session.labellings for session in self._sessions)
 
     def label_cost(self, frame: MarkerFrame, pose: ScenePose) -> float:
         """Return the negative log likelihood of the labels of a frame's pose."""
         return sum(
-            session.labeller.cost(frame, each) for session, each in zip(self._sessions, pose.performers, strict=True)
+            session.label_cost(frame, each) for session, each in zip(self._sessions, pose.performers, strict=True)
         )
 
     def step(self, frame: MarkerFrame, check_labels: bool = True) -> ScenePose:

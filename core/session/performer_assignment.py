@@ -14,7 +14,7 @@ from ..labelling.initial_labelling import REACH_M
 from ..labelling.labeller import assign_blobs, assign_points
 from ..markers.marker_frame import MarkerFrame
 from ..markers.marker_frame_subset import without_blobs, without_points
-from .frame_labelling import is_labelled
+from .point_labels import is_labelled
 from .session import Session
 
 _NOBODY = -1
@@ -108,7 +108,7 @@ class PerformerAssignment:
         """Return the indices of the points on each untracked body, from left to right."""
         left, expected_m = np.arange(len(frame.points_m)), []
         for index in waiting:
-            start = self._sessions[index].labeller.label_initially(frame.points_m[left])
+            start = self._sessions[index].label_initially(frame.points_m[left])
             if start is not None:
                 expected_m.append(start.expected_m)
                 left = left[start.labels < 0]
@@ -128,7 +128,7 @@ class PerformerAssignment:
         costs = np.zeros((len(waiting), len(bodies)))
         for row, index in enumerate(waiting):
             for column, body in enumerate(bodies):
-                start = self._sessions[index].labeller.label_initially(frame.points_m[body])
+                start = self._sessions[index].label_initially(frame.points_m[body])
                 costs[row, column] = _ORDER_COST * abs(row - column) + (start.cost if start else _UNLIKE)
         rows, columns = assign(costs, _UNLIKE)
         return list(zip(rows.tolist(), columns.tolist(), strict=True))

@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -14,45 +14,31 @@ from ..body.pose_notes import NoteKind, PoseNote, source_notes
 from ..body.pose_slew_limit import PoseSlewLimit
 from ..body.scene_pose import PerformerPose, body_confidence
 from ..database.store import Database
-from ..geometry.arrays import Array, Mask
+from ..geometry.arrays import Array
 from ..geometry.camera import CameraRig
-from ..markers.frozen_markers import FrozenMarkers
-from ..markers.jump_gate import Carried
+from ..labelling.initial_labelling import InitialLabels
 from ..markers.marker_frame import MarkerFrame
-from ..markers.marker_smoothing import MarkerSmoother
 from ..markers.source_noise import noise_of
 from ..markers.subject import Subject
 from ..markers.usable_frame import FrameTimes, usable_frame
 from ..solver.observation import Observation
 from ..solver.pose_solver import PoseSolver
 from ..solver.settings import SolveSettings
-from ..solver.solution import Solution, SolverState
+from ..solver.solution import Solution
 from ..solver.subject_model import SubjectModel
-from .frame_labelling import BodyExamples, FrameLabeller, is_labelled, rest_markers
-from .hypothesis_tracking import HypothesisTracker
+from .body_examples import BodyExamples, rest_markers
+from .hypotheses import Hypotheses, Tracked
 from .limb_coverage import doubted, open_limbs
+from .one_camera_labels import OneCameraLabels
 from .part_errors import PartErrors
+from .point_labels import PointLabels, is_labelled
 from .tracking_quality import Fit, TrackingQuality, assess_fit, tracking_of
 
-_FASTEST_M_S = 10.0  # speed above which torso markers are not extrapolated: no torso is so fast
-_WORN_S = 0.2  # time constant for averaging a marker's offset from the solved body
 # tilt from the examples at which the confidence has fallen to 1/e; people are within 36 degrees in 95 % of the frames,
 # lying bodies at 78 or more
 _TILTED_DEG = 60.0
 _GUESSED = 0.5  # factor of the confidence where depths are guessed: what a marker on a ray counts, see `assess_fit`
 _OPEN_S = 0.5  # time without any known marker after which a limb is doubtful; before it, the motion goes on as expected
-_WORSE_M = 0.004  # largest increase of the RMS distance from the body with alternative labels
-
-
-class _Tracked(NamedTuple):
-    """A labelled and solved frame."""
-
-    observation: Observation  # markers that are used
-    known_m: Array  # (M, 3) positions for the solver: smoothed, and extrapolated while briefly hidden
-    doubted: Mask  # (M,) markers that jumped
-    frozen: Mask  # (M,) markers whose positions the source repeats
-    exchanged: Mask  # (M,) markers whose exchanged labels were corrected
-    solution: Solution | None
 
 
 class Session:
@@ -75,13 +61,14 @@ class Session:
         examples = BodyExamples(self._model, database)
         # the floor shows how large the performer is; without it, a single camera's person has the average size
         size = 1.0 if floor_of(rig) is not None else girth_scale(subject.skeleton)
-        self.labeller = FrameLabeller(self._model, cameras, examples, size)
-        poses_m = examples.start_poses_m, examples.markers_m
-        self._hypotheses = HypothesisTracker(cameras[0], self.solver, *poses_m) if self._has_one_camera else None
         self._source = noise_of(subject.marker_set.points)
-        # cameras have decided a network's left and right before, and its errors last: a point that jumps is no worse
-        self._gates_jumps = not (cameras and self._source.lasting_m > 0.0)
-        self._feet = np.array([marker.joint in FOOT_JOINTS for marker in subject.marker_set.markers])
+        feet = np.array([marker.joint in FOOT_JOINTS for marker in subject.marker_set.markers])
+        self.point_labels = PointLabels(self.solver, cameras, examples, self._source, feet, size)
+        self._given: Hypotheses[Any] = Hypotheses(self.point_labels)  # for labels from the source, too
+        self._hypotheses: Hypotheses[Any] = self._given
+        if self._has_one_camera:
+            poses_m = examples.start_poses_m, examples.markers_m
+            self._hypotheses = Hypotheses(OneCameraLabels(cameras[0], self.solver, *poses_m))
         self._quality = TrackingQuality(self._model.torso, self._has_one_camera, tracking_of(self._source))
         self._part_errors = PartErrors(self._model, len(cameras))
         self.reset()
@@ -89,7 +76,6 @@ class Session:
     def reset(self) -> None:
         """Forget the motion so far."""
         self._last: PerformerPose | None = None
-        self._marker_velocities: Array | None = None  # (M, 3), m/s
         self._times = FrameTimes()
         self._slew_limit = PoseSlewLimit(self._model.skeleton, self._model.joints, self._model.offsets_m)
         self.restart()
@@ -113,169 +99,68 @@ class Session:
 
     def step_usable(self, frame: MarkerFrame, check_labels: bool) -> PerformerPose:
         """Return the pose of the next frame, whose time and contents are known to be possible; see `step`."""
-        before = self._state
-        if self._hypotheses is None or is_labelled(frame):
-            tracked = self._track(frame, doubts=check_labels and is_labelled(frame))
+        tracker = self._given if is_labelled(frame) else self._hypotheses
+        self._best = tracker.step(frame, check_labels)
+        if tracker.changed:
+            self._decisions.append(tracker.changed)
+            if tracker.changed is not NoteKind.LABELLED_MORE:
+                self._quality.reset()
+        tracked = self._best.tracked if self._best else None
+        if self._best and tracked and tracked.solution:
+            confidence = 1.0 if is_labelled(frame) else tracker.confidence(frame)
+            pose = self._solved_pose(frame, tracked, tracked.solution, confidence)
         else:
-            tracked = self._track_hypotheses(frame, self._hypotheses)
-        observation, solution = tracked.observation, tracked.solution
-        if solution:
-            pose = self._solved_pose(frame, tracked, solution)
-        else:
-            self._agreement = 0.0
-            pose = self._last_pose(frame, frame.time_s, NoteKind.WAITING, observation)
-        elapsed_s = self._elapsed_s(frame.time_s)
+            pose = self._last_pose(frame, frame.time_s, NoteKind.WAITING, tracked.observation if tracked else None)
         self._last = pose
-        self._note_markers(before.markers_m, observation, elapsed_s)
         if reason := self._quality.reason_lost(pose):
             self.restart(reason)
-        elif check_labels and solution and not is_labelled(frame):
-            self._compare_labels(frame, elapsed_s, before, observation, pose, solution)
         return pose
 
     @property
     def is_tracking(self) -> bool:
         """Whether the body has been found."""
-        return self._state.markers_m is not None
+        return self._best is not None and self._best.state.markers_m is not None
+
+    @property
+    def labellings(self) -> int:
+        """Number of times so far that labels of points were found without history, or replaced."""
+        return self._given.labellings
 
     def expected_markers(self, time_s: float) -> tuple[Array, Array] | None:
         """Return the expected markers (M, 3) and their uncertainties (M,), metres; None if the body is not tracked."""
-        if self._state.markers_m is None:
+        best = self._given.best
+        if best is None or best.state.markers_m is None:
             return None
-        return self.labeller.expected(self._state.markers_m, self._elapsed_s(time_s))
+        return best.labeller.expected(best.state.markers_m, time_s - self._last.time_s if self._last else 0.0)
+
+    def label_initially(self, points_m: Array) -> InitialLabels | None:
+        """Return labels of points (N, 3) without history, or None if the points do not look like a body."""
+        return self.point_labels.label_initially(points_m)
+
+    def label_cost(self, frame: MarkerFrame, pose: PerformerPose) -> float:
+        """Return the negative log likelihood of the labels with which a frame's pose was solved."""
+        return self.point_labels.label_cost(len(frame.points_m), pose.observed_m, pose.markers_m, pose.marker_rms_m)
 
     def restart(self, reason: NoteKind | None = None) -> None:
         """Forget labels and pose: the next frame is treated like the first, and its pose gets a note of the reason."""
         self._decisions = [reason] if reason else []
-        self._agreement = 0.0
-        self.labeller.reset()
-        self._forget()
-
-    def _forget(self) -> None:
-        """Forget the pose, so that the next frame is solved like the first."""
-        self._state = self.solver.initial_state
-        self._marker_velocities = None
-        self._apart_m = np.full((len(self.subject.marker_set), 3), np.nan)  # offsets of observed from solved markers
-        self._known_s = np.full(len(self._feet), -np.inf)  # times at which the solver last knew the markers
-        self._labelled_s: float | None = None  # time at which one camera's labels were found
-        self._frozen = FrozenMarkers(self._feet)
-        self._smoother = MarkerSmoother(len(self.subject.marker_set), self._source, feet=self._feet)
+        self._best = None
+        self._given.reset()
+        self._hypotheses.reset()
+        self._known_s = np.full(
+            len(self.subject.marker_set), -np.inf
+        )  # times at which the solver last knew the markers
         self._quality.reset()
-        if self._hypotheses is not None:
-            self._hypotheses.reset()
 
-    def _elapsed_s(self, time_s: float) -> float:
-        return time_s - self._last.time_s if self._last else 0.0
-
-    def _track(self, frame: MarkerFrame, doubts: bool) -> _Tracked:
-        """Label and solve a frame, starting from the last pose."""
-        labellings = self.labeller.labellings
-        observation = self.labeller.label(frame, self._state.markers_m, self._elapsed_s(frame.time_s))
-        if self.labeller.labellings != labellings:
-            self._decisions.append(NoteKind.LABELLED)
-        is_measured = doubts and not observation.guessed.any()
-        carried = self._carried(frame.time_s) if is_measured and self._gates_jumps else None
-        points_m, frozen = observation.points_m, np.zeros(len(self._feet), dtype=bool)
-        if is_measured:
-            frozen = self._frozen.step(points_m, self._elapsed_s(frame.time_s))
-            points_m = np.where(frozen[:, None], np.nan, points_m)
-        found = self._smoother.step(frame.time_s, points_m, carried)
-        smoothed = observation.smoothed(found.points_m, found.deviations_m, self._source)
-        observation = replace(observation, points_m=found.believed.points_m)
-        # at most one expensive search per frame
-        solution, self._state = self.solver.step(self._state, smoothed, frame.time_s, self.labeller.searched)
-        believed = found.believed
-        return _Tracked(observation, smoothed.points_m, believed.doubted, frozen, believed.exchanged, solution)
-
-    def _carried(self, time_s: float) -> Carried:
-        """Return where the torso markers should be at a given time, extrapolated from the last two poses."""
-        carried_m, torso = np.full((len(self.subject.marker_set), 3), np.nan), self._model.torso
-        if self._state.markers_m is not None and self._marker_velocities is not None:
-            slow = torso & (np.linalg.norm(self._marker_velocities, axis=1) < _FASTEST_M_S)  # faster after a cut
-            # markers are not worn exactly where the body model has them, so their mean offsets are added
-            worn_m = self._state.markers_m + np.nan_to_num(self._apart_m)
-            carried_m[slow] = (worn_m + self._elapsed_s(time_s) * self._marker_velocities)[slow]
-        return Carried(carried_m, self._nearness)
-
-    def _nearness(self, given_m: Array, corrected_m: Array) -> float:
-        """Return the distance of markers (M, 3) from the closest example, relative to that of others."""
-        fresh = replace(self.solver.initial_state, root=self._state.root, markers_m=self._state.markers_m)
-        own_m, other_m = (self.solver.closest_m(fresh, Observation.of_points(each)) for each in (given_m, corrected_m))
-        return own_m / max(other_m, 1e-9)
-
-    def _note_markers(self, before_m: Array | None, observation: Observation, elapsed_s: float) -> None:
-        """Remember the velocities of the solved markers, and the mean offsets of observed markers from solved ones."""
-        if self._state.markers_m is None:
-            return
-        if before_m is not None and elapsed_s > 0.0:
-            self._marker_velocities = (self._state.markers_m - before_m) / elapsed_s
-        apart_m = observation.points_m - self._state.markers_m
-        mean_m = self._apart_m + -np.expm1(-elapsed_s / _WORN_S) * (apart_m - self._apart_m)
-        apart_m = np.where(np.isfinite(mean_m), mean_m, apart_m)
-        self._apart_m = np.where(np.isfinite(apart_m), apart_m, self._apart_m)
-
-    def _compare_labels(
-        self,
-        frame: MarkerFrame,
-        elapsed_s: float,
-        before: SolverState,
-        observation: Observation,
-        pose: PerformerPose,
-        solution: Solution,
-    ) -> None:
-        """Continue with alternative labels of a solved frame if they explain it better."""
-        alternative = self.labeller.find_alternative(frame, elapsed_s, pose, self._agreement, solution.reinitialised)
-        if alternative is None:
-            return
-        limit_m, fresh = alternative.nearer * solution.nearest_m, self.solver.initial_state
-        if alternative.keeps_torso:
-            fresh = self.solver.begin_at_torso(solution)
-            if limit_m < np.inf and not alternative.adds:  # history may have kept the pose from a closer example
-                limit_m = min(limit_m, alternative.nearer * self.solver.closest_m(fresh, observation))
-        if (
-            alternative.adds
-            and limit_m < np.inf
-            and not self.solver.closest_m(fresh, alternative.observation) < limit_m
-        ):
-            return
-        found, state = self.solver.step(
-            before if alternative.adds else fresh, alternative.observation, frame.time_s, True, limit_m
-        )
-        if found is None:
-            return
-        # compare only the markers that both labellings locate, because additional markers increase the error
-        seen = alternative.observation.located & np.isfinite(pose.observed_m[:, 0])
-        away_m = np.linalg.norm(found.markers_m[seen] - alternative.observation.points_m[seen], axis=1)
-        if np.any(seen) and np.sqrt(np.mean(away_m**2)) > pose.marker_rms_m + _WORSE_M:
-            self.labeller.refute_alternative(alternative)
-            return
-        if not alternative.adds:
-            self._quality.reset()
-        self.labeller.follow_alternative(alternative)
-        self._decisions.append(NoteKind.LABELLED_MORE if alternative.adds else NoteKind.RELABELLED)
-        self._state = state
-
-    def _track_hypotheses(self, frame: MarkerFrame, tracker: HypothesisTracker) -> _Tracked:
-        """Label and solve a frame of a single camera, with the best of several hypotheses."""
-        best = tracker.step(frame, self._agreement)
-        nothing = np.full((len(self.subject.marker_set), 3), np.nan)
-        none = np.zeros(len(nothing), dtype=bool)
-        if best is None:
-            return _Tracked(Observation.of_points(nothing), nothing, none, none, none, None)
-        if best.start_s != self._labelled_s:
-            self._decisions.append(NoteKind.LABELLED if self._labelled_s is None else NoteKind.RELABELLED)
-            self._labelled_s = best.start_s
-        self._state = best.state
-        return _Tracked(best.observation, nothing, none, none, none, best.solution)
-
-    def _solved_pose(self, frame: MarkerFrame, tracked: _Tracked, solution: Solution) -> PerformerPose:
+    def _solved_pose(
+        self, frame: MarkerFrame, tracked: Tracked, solution: Solution, label_confidence: float
+    ) -> PerformerPose:
         observation = tracked.observation
         # with one camera, markers are compared with the rays
         shown = observation
         if self._has_one_camera:
             shown = observation.without_guesses().back_projected(solution.markers_m)
         fit = assess_fit(shown, solution, self._quality.settings)
-        self._agreement = fit.agreement
         texts = np.array(self.subject.marker_set.texts)
         hidden = texts[~fit.located & ~(tracked.doubted | tracked.frozen)]
         notes = [*source_notes(frame.notes), *([PoseNote.hidden(hidden)] if len(hidden) else [])]
@@ -293,11 +178,9 @@ class Session:
         # the slew limit must not take a marker hidden for a moment as one that disappears and returns
         points_m = shown.points_m if self._has_one_camera else tracked.known_m
         rotations = self._slew_limit.step(frame.time_s, rotations, root_m, points_m, held, known)
-        confidence = self._confidence(fit, solution, errors_deg)
+        confidence = label_confidence * self._confidence(fit, solution, errors_deg)
         if observation.guessed.any():
             confidence *= _GUESSED
-        if not (self._has_one_camera or known):
-            confidence *= self.labeller.confidence(frame, observation.seen)
         pose = PerformerPose(
             number=frame.number,
             time_s=frame.time_s,

@@ -34,7 +34,7 @@ from ..markers.marker_set import FEWEST_TORSO, MarkerSet, PointKind, load_marker
 from ..markers.marker_take import MarkerTake
 from ..markers.source_noise import noise_of
 from ..markers.subject import Subject
-from ..session.frame_labelling import BodyExamples
+from ..session.body_examples import BodyExamples
 from ..solver.marker_selection import worn_in
 from ..solver.subject_model import SubjectModel
 from ..system.progress import Progress, no_progress

@@ -19,6 +19,7 @@ from perfanim.core.database.build_database import BuildSettings, build_database
 from perfanim.core.database.store import Database, open_database
 from perfanim.core.geometry.arrays import FloatArray, Image, IntArray
 from perfanim.core.kernel.library import use_kernel
+from perfanim.core.labelling.labeller import Labeller
 from perfanim.core.markers.marker_frame import MarkerFrame
 from perfanim.core.markers.subject import Subject
 from perfanim.core.markers.take_frames import take_frames
@@ -153,7 +154,8 @@ def _detection_and_labels(database: Database) -> list[Row]:
     rows.add_median(name, _times(Detector(lit).detect, performer))
     pipeline = MarkerPipeline(source.rig, live_settings())
     pipeline.learn_empty(empty)
-    solving, labelling = (Session(source.subject, database, source.rig) for _ in range(2))
+    solving = Session(source.subject, database, source.rig)
+    labelling, labeller = solving.point_labels, Labeller(solving.solver.subject.torso)
     milliseconds: dict[str, list[float]] = {stage: [] for stage in STAGES}
     before, located = None, 0
     for start in range(0, len(sets), _BLOCK):
@@ -167,7 +169,7 @@ def _detection_and_labels(database: Database) -> list[Row]:
         earlier = [before or poses[0], *poses[:-1]]
         labels_from_s, before = time.process_time(), poses[-1]
         for frame, pose in zip(frames, earlier, strict=True):
-            labels = labelling.labeller.label_tracked(frame, pose.markers_m, 1.0 / _STREAM_FPS)
+            labels = labelling.label_tracked(labeller, frame, pose.markers_m, 1.0 / _STREAM_FPS)
             located += int(labels.located.sum())
         for stage, seconds in zip(STAGES, [*np.diff(clock), time.process_time() - labels_from_s], strict=True):
             milliseconds[stage].append(1e3 * seconds / len(block))

@@ -1,3 +1,5 @@
+from copy import deepcopy
+
 import numpy as np
 from perfanim.core.geometry.multiple_model_filter import MotionModels, MultipleModelFilter
 
@@ -47,3 +49,17 @@ def test_precision_does_not_depend_on_the_origin() -> None:
         found.append(follower.means())
     np.testing.assert_allclose(found[1][0] - 1e8, found[0][0], atol=1e-5)
     np.testing.assert_allclose(found[1][1], found[0][1], rtol=1e-6)
+
+
+def test_a_copy_goes_on_as_the_filter_would() -> None:
+    rows = np.random.default_rng(5).normal(0.0, 100.0, (40, 3, 3)).cumsum(axis=0)
+    follower = MultipleModelFilter(QUICK, 3)
+    for frame, row in enumerate(rows[:20]):
+        follower.predict(frame * FRAME_S)
+        follower.observe(row, np.full(3, NOISE))
+    followers = follower, deepcopy(follower)
+    for each in followers:
+        for frame, row in enumerate(rows[20:], 20):
+            each.predict(frame * FRAME_S)
+            each.observe(row, np.full(3, NOISE))
+    np.testing.assert_array_equal(followers[0].means()[0], followers[1].means()[0])

@@ -5,7 +5,6 @@ import pytest
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.labelling.initial_labelling import REACH_M, InitialLabeller
 from perfanim.core.labelling.label_search import WORK, LabelSearch
-from perfanim.core.labelling.labeller import Labeller
 
 NOISE_M = 0.002
 
@@ -96,7 +95,7 @@ def test_a_search_is_spread_over_frames_and_follows_the_points(labeller, true_ma
     """Among a crowd of ghosts it takes several frames; what it finds is about the last of them."""
     generator = np.random.default_rng(4)
     rows, ghosts = true_markers[:12], generator.uniform(-3.0, 3.0, (150, 3))
-    search, work = LabelSearch(labeller, np.concatenate((rows[0], ghosts)), Labeller(np.zeros(8, dtype=bool))), []
+    search, work = LabelSearch(labeller, np.concatenate((rows[0], ghosts)), np.zeros(8, dtype=bool)), []
     piece = labeller.search(search.points_m)
     with pytest.raises(StopIteration):
         while True:

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from perfanim.core.labelling.initial_labelling import InitialLabels
 from perfanim.core.labelling.label_search import WORK, LabelSearch
-from perfanim.core.labelling.labeller import Labeller
 
 POINTS_M = np.array([[0.0, 1.0, 0.0], [0.5, 1.0, 0.0], [0.0, 0.2, 0.0], [0.6, 0.3, 0.1]])
 LABELS = np.array([1, 0, -1, 2])
@@ -29,7 +28,7 @@ def found(*alternatives):
 
 
 def search_of(initial):
-    return LabelSearch(initial, POINTS_M, Labeller(np.zeros(3, dtype=bool)))
+    return LabelSearch(initial, POINTS_M, np.zeros(3, dtype=bool))
 
 
 def test_search_is_spread_over_frames():

@@ -211,18 +211,6 @@ def test_hidden_marker_takes_a_lasting_lone_point_far_away(blobs) -> None:
     assert frames_until_named([near, [-0.1, 0.9, -4.0]], thought_m, blobs) == [[0, 1, -1, -1]] * 5  # which of the two?
 
 
-def test_briefly_hidden_torso_marker_keeps_its_priority() -> None:
-    """A hand beside the waist: its point is gone just when that of the waist is back."""
-    places_m = np.array([[0.0, 0.0, 0.0], [0.5, 0.0, 0.0], [0.0, 0.5, 0.0], [0.05, 0.5, 0.0]])
-    labeller = Labeller(np.array([True, True, True, False]))
-    labeller.begin(places_m, np.arange(4))
-    for _ in range(3):
-        labeller.label(places_m, spread(4), places_m, 1 / 60)
-    assert labeller.label(places_m[[0, 1, 3]], spread(3), places_m, 1 / 60).tolist() == [0, 1, 3]
-    assert labeller.label(places_m[:3], spread(3), places_m, 1 / 60).tolist() == [0, 1, 2]
-    assert labeller.label(places_m, spread(4), places_m, 1 / 60).tolist() == [0, 1, 2, 3]
-
-
 def test_unseen_marker_has_a_wider_gate_than_a_tracked_one():
     """A third of a metre for a limb's; one that was seen in the frame before is not so far off a frame later."""
     marker_set = load_marker_set("boxing")
