@@ -102,9 +102,10 @@ class PERFANIM_PT_takes(SidebarPanel, bpy.types.Panel):
             layout.template_list("PERFANIM_UL_takes", "", shown, "entries", shown, "active", rows=4)
             if not shown.entries:
                 layout.label(text="No take of this file yet")
-        panel_drawing.draw_outcome(context, layout, KEY)  # above the take's settings, so that it is on small screens
+        panel_drawing.draw_job(context, layout, KEY)  # above the take's settings, so that it is on small screens
         if 0 <= shown.active < len(shown.entries):
             _draw_take(context, layout, shown.entries[shown.active])
+        panel_drawing.draw_text(context, layout, *activity.message(KEY))  # below them, so that no button moves away
         _draw_room(layout, len(take_library.listed()))
 
 
