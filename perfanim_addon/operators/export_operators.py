@@ -23,7 +23,6 @@ from .put_on_character import TakeOperator, recorded_poses, take_motion
 
 _MOTIONS = {"VRMA": VRMA, "ANGLES": ANGLES}  # written without Blender and without a character
 _ENDINGS = {**ENDINGS, **_MOTIONS}
-_left = [Path()]  # folder of the last export
 
 
 class PERFANIM_OT_export_take(TakeOperator, PanelOperator, bpy.types.Operator, ExportHelper):
@@ -58,8 +57,7 @@ class PERFANIM_OT_export_take(TakeOperator, PanelOperator, bpy.types.Operator, E
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         try:
-            name = bpy.path.clean_name(summarise(self.path).notes.name) + _ENDINGS[self.kind]
-            self.filepath = str(_left[0] / name)
+            self.filepath = bpy.path.clean_name(summarise(self.path).notes.name) + _ENDINGS[self.kind]
         except PerfanimError as error:
             return report_error(self, PANEL, error)
         context.window_manager.fileselect_add(self)
@@ -92,7 +90,6 @@ class PERFANIM_OT_export_take(TakeOperator, PanelOperator, bpy.types.Operator, E
 
     def run(self, context: bpy.types.Context) -> str:
         target = Path(absolute(self._with_ending()))
-        _left[0] = target.parent
         take = read_take_file(self.path)
         motion = take_motion(context, take)
         poses, count, index = recorded_poses(take, motion), len(motion.performers), self.performer - 1
