@@ -96,14 +96,14 @@ class LabelAlternatives:
         if start is not None and points_m is not None:
             likely = [labels for labels, cost in start.alternatives if cost - start.cost <= _S.sure]
             named = [by_marker(points_m, labels, len(self._torso)) for labels in (start.labels, *likely)]
-            self._moved_m = max((_moved_m(named[0], other_m) for other_m in named[1:]), default=0.0)
+            self._moved_m = max((_farthest_m(named[0], other_m) for other_m in named[1:]), default=0.0)
 
     def moved_m(self, hypotheses: Sequence[PointHypothesis]) -> float:
         """Return the farthest that other likely labels would move a marker of the best hypothesis, 0 without any."""
         best_m = hypotheses[0].tracked.observation.points_m
         likely = [each.tracked.observation.points_m for each in hypotheses[1:] if each.cost <= _S.start + _S.sure]
         waiting = [each.moved_m for each in self._waiting if each.differs and each.cost <= _S.sure]
-        return max([self._moved_m, *waiting, *(_moved_m(best_m, other_m) for other_m in likely)])
+        return max([self._moved_m, *waiting, *(_farthest_m(best_m, other_m) for other_m in likely)])
 
     def step(
         self, hypotheses: Sequence[PointHypothesis], frame: MarkerFrame, elapsed_s: float, suspect: bool
@@ -185,7 +185,7 @@ class LabelAlternatives:
             other_m = by_marker(searched.search.points_m, labels, len(self._torso))
             differs, contradicts = _differences(searched, other_m)
             cost = found_cost - searched.cost + _S.followed * contradicts if differs else 0.0
-            other = _Alternative(labels, cost, _moved_m(searched.observed_m, other_m), differs, contradicts)
+            other = _Alternative(labels, cost, _farthest_m(searched.observed_m, other_m), differs, contradicts)
             if cost + _S.start <= _S.hopeless and (not differs or sum(each.differs for each in found) < _S.born):
                 found.append(other)
             elif cost <= _S.sure:
@@ -205,7 +205,7 @@ class LabelAlternatives:
             begun = self._begun(searched, other, best, frame) if other.differs or renewed else None
             if begun is not None:
                 begun.cost = renewed + (other.cost + _S.start if other.differs else 0.0)
-                if begun.begun is NoteKind.RELABELLED:  # more markers are always farther from an example than fewer
+                if begun.begun is NoteKind.RELABELLED:  # examples are no evidence against more markers
                     begun.cost += self._closest_cost(begun) - fresh
                 return [begun]
         return []
@@ -257,7 +257,7 @@ def _is_near(points_m: Array, others_m: Array) -> Mask:
     return np.asarray(np.linalg.norm(points_m[:, None] - others_m[None], axis=-1) < SETTINGS.same_m)
 
 
-def _moved_m(points_m: Array, others_m: Array) -> float:
+def _farthest_m(points_m: Array, others_m: Array) -> float:
     """Return the largest distance of the markers (M, 3) that both have; infinity for none."""
     apart_m = np.linalg.norm(points_m - others_m, axis=1)
     return float(np.nanmax(apart_m)) if np.isfinite(apart_m).any() else np.inf

@@ -147,9 +147,8 @@ class Session:
         self._best = None
         self._given.reset()
         self._hypotheses.reset()
-        self._known_s = np.full(
-            len(self.subject.marker_set), -np.inf
-        )  # times at which the solver last knew the markers
+        # times at which the solver last knew the markers
+        self._known_s = np.full(len(self.subject.marker_set), -np.inf)
         self._quality.reset()
 
     def _solved_pose(
