@@ -48,9 +48,7 @@ def eased_around(values: Array, known: Mask, fps: float) -> Array:
     if len(at) == 0:
         return np.zeros_like(values)
     flat = values.reshape(len(values), -1)
-    held = np.stack([np.interp(frames, at, column[at]) for column in flat.T], axis=1).reshape(
-        values.shape
-    )
+    held = np.stack([np.interp(frames, at, column[at]) for column in flat.T], axis=1).reshape(values.shape)
     fade = smooth_step(1.0 - frames_to(known) / max(FEET_SETTINGS.fade_s * fps, 1.0))
     return held * fade.reshape(-1, *(1,) * (values.ndim - 1))
 

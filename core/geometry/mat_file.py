@@ -25,7 +25,7 @@ def read_mat(raw: bytes) -> dict[str, Any]:
     Structures become dicts, arrays of structures and cells lists, numbers arrays; texts and objects become None.
 
     Raises:
-        ValueError, struct.error, zlib.error: The file is damaged.
+        ValueError, OverflowError, IndexError, struct.error, zlib.error: The file is damaged.
     """
     order = {b"IM": "<", b"MI": ">"}.get(raw[126:_HEADER])
     if order is None:
@@ -64,7 +64,7 @@ def _matrix(data: bytes, order: str, depth: int) -> tuple[str, Any]:
     if len(parts) < 3:
         raise ValueError("a matrix lacks its name")
     kind = int(_numbers(parts[0], order)[0]) & 0xFF
-    shape, name = _numbers(parts[1], order).astype(int), parts[2][1].decode("latin-1")
+    shape, name = [int(size) for size in _numbers(parts[1], order)], parts[2][1].decode("latin-1")
     if kind in _NUMERIC:
         return name, _numbers(parts[3], order).reshape(shape, order="F")
     if kind == _CELL:
