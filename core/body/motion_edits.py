@@ -77,9 +77,8 @@ def smoothed(motion: Motion, first: int, last: int, smoothing_s: float) -> Motio
     turned = gaussian(flat, sigma).reshape(motion.rotations.shape)
     moved = gaussian(motion.root_positions_m, sigma)
     rotations = rot.slerp(motion.rotations, rot.normalize(turned), share)
-    return replace(
-        motion, rotations=rotations, root_positions_m=motion.root_positions_m * (1.0 - share) + moved * share
-    )
+    roots_m = motion.root_positions_m + share * (moved - motion.root_positions_m)
+    return replace(motion, rotations=rotations, root_positions_m=roots_m)
 
 
 def without_pop(motion: Motion, first: int, last: int) -> Motion:

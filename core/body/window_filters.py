@@ -25,12 +25,12 @@ def gaussian(values: Array, sigma: float, border: str = "edge") -> Array:
     return np.stack(smooth, axis=1).reshape(values.shape)
 
 
-def largest(values: Array, radius: int) -> Array:
+def largest(values: NDArray[Any], radius: int) -> NDArray[Any]:
     """Return the largest of the values (F, ...) up to `radius` frames before and after each frame."""
     return _extreme(np.maximum, values, radius)
 
 
-def smallest(values: Array, radius: int) -> Array:
+def smallest(values: NDArray[Any], radius: int) -> NDArray[Any]:
     """Return the smallest of the values (F, ...) up to `radius` frames before and after each frame."""
     return _extreme(np.minimum, values, radius)
 
@@ -50,7 +50,7 @@ def frames_to(flags: Mask) -> Array:
     return np.minimum(np.abs(frames - before), np.abs(frames - after)).astype(np.float64)
 
 
-def _extreme(pick: np.ufunc, values: Array, radius: int) -> Array:
+def _extreme(pick: np.ufunc, values: NDArray[Any], radius: int) -> NDArray[Any]:
     row, span = _padded(values, radius), 1
     while 2 * span <= 2 * radius + 1:  # each entry is the extreme of the next `span` ones
         row, span = pick(row[:-span], row[span:]), 2 * span

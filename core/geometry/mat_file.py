@@ -30,7 +30,7 @@ def read_mat(raw: bytes) -> dict[str, Any]:
     order = {b"IM": "<", b"MI": ">"}.get(raw[126:_HEADER])
     if order is None:
         raise ValueError("the header does not state the order of bytes")
-    found = []
+    found: list[tuple[int, bytes]] = []
     for kind, content in _elements(raw[_HEADER:], order):
         if kind == _COMPRESSED:
             found += _elements(zlib.decompressobj().decompress(content, _MOST_BYTES), order)
