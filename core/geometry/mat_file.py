@@ -36,7 +36,8 @@ def read_mat(raw: bytes) -> dict[str, Any]:
             found += _elements(zlib.decompressobj().decompress(content, _MOST_BYTES), order)
         else:
             found.append((kind, content))
-    return dict(_matrix(content, order, 0) for kind, content in found if kind == _MATRIX)
+    matrices = [_matrix(content, order, 0) for kind, content in found if kind == _MATRIX]
+    return {name: value for name, value in matrices if name}  # objects lie in one without a name
 
 
 def _elements(data: bytes, order: str) -> Iterator[tuple[int, bytes]]:

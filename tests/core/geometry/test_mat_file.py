@@ -46,6 +46,16 @@ def test_numbers_are_those_that_were_written(compressed: bool) -> None:
     ]  # fmt: skip
 
 
+def test_what_holds_the_contents_of_objects_is_no_variable() -> None:
+    """MATLAB appends it, as bytes without a name."""
+    file = io.BytesIO()
+    savemat(file, {"x": np.zeros(3, dtype=np.uint8)})
+    appended = file.getvalue()[128:].replace(struct.pack("<HH4s", 1, 1, b"x"), struct.pack("<2I", 1, 0))
+    found = read_mat(written(False) + appended)
+    assert list(found) == list(VALUES)
+    assert found["x"] == 3.5
+
+
 def test_a_file_that_ends_early_or_is_damaged_raises_only_what_is_documented() -> None:
     for raw in (written(False), written(True)):
         for end in range(0, len(raw), 7):
