@@ -241,7 +241,8 @@ def _moved(points_m: Array, marker: int, others: Mask, first: int, last: int) ->
     pairs += [(points_m[first:middle, i], points_m[middle : last + 1, i]) for i in np.flatnonzero(others)]
     means = [[part[np.isfinite(part[:, 0])] for part in pair] for pair in pairs]
     return any(
-        len(a) > 0 and len(b) > 0 and np.linalg.norm(a.mean(axis=0) - b.mean(axis=0)) > _S.still_move_m for a, b in means
+        len(a) > 0 and len(b) > 0 and np.linalg.norm(a.mean(axis=0) - b.mean(axis=0)) > _S.still_move_m
+        for a, b in means
     )
 
 

@@ -41,7 +41,7 @@ class PointSettings:
     suspect: float = 0.5  # agreement, relative to the share of located markers, below which labels are suspect
     strays: int = 2  # number of unlabelled points, with as many hidden markers, that makes labels suspect
     uncertain: float = 0.3  # smallest factor by which uncertain labels scale a pose's confidence
-    misplaced_m: float = 0.1  # scale on which it falls with the largest distance from a marker with other labels
+    misplaced_m: float = 0.1  # scale on which it falls with the distance by which a marker is expected to be misplaced
 
 
 _S = PointSettings()
@@ -148,14 +148,14 @@ class PointLabels:
     def confidence(self, hypotheses: Sequence[PointHypothesis], frame: MarkerFrame) -> float:
         """Return the factor by which uncertain labels lower a pose's confidence.
 
-        The farther likely alternatives would move the markers, the lower the factor is: exchanging two adjacent markers
-        hardly changes a pose.
+        The farther from its right place a marker is expected to be, the lower the factor is: two adjacent markers that
+        may be exchanged hardly change a pose.
         """
         tracked = hypotheses[0].tracked
         if _strays(frame, tracked) >= _S.strays:
             return _S.uncertain
-        moved_m = self._alternatives.moved_m(hypotheses)
-        return float(_S.uncertain + (1.0 - _S.uncertain) * np.exp(-((moved_m / _S.misplaced_m) ** 2)))
+        misplaced_m = self._alternatives.misplaced_m(hypotheses)
+        return float(_S.uncertain + (1.0 - _S.uncertain) * np.exp(-((misplaced_m / _S.misplaced_m) ** 2)))
 
     def label_initially(self, points_m: Array) -> InitialLabels | None:
         """Return labels of points (N, 3) without history, or None if the points do not look like a body."""
