@@ -24,6 +24,7 @@ from ..markers.marker_frame import MarkerFrame
 from ..markers.marker_set import MarkerSet
 from ..markers.marker_take import MarkerTake
 from ..markers.prop import Prop
+from ..markers.source_noise import noise_of
 from ..markers.subject import Subject
 from ..markers.take_frames import is_unnamed
 from ..session.capture_setup import CaptureSetup
@@ -203,7 +204,7 @@ def solve_markers(
     solved, report = replace(solved, corrected=corrected), report | changes | choice
     if not is_unnamed(take):
         solved, report["coverage"] = with_coverage(solved, take, subject, worn.marker_set)
-    return _finished(solved, request, None, report)
+    return _finished(solved, request, worn, None, report)
 
 
 @dataclass(frozen=True)
@@ -265,7 +266,7 @@ def solve_recording(
         ],
         "complete": take.complete,
     }
-    finished = _finished(solved, request, floor_of(rig), report | refined)
+    finished = _finished(solved, request, setup.performers[0], floor_of(rig), report | refined)
     return replace(finished, report=finished.report | _recorded_figures(finished, setup))
 
 
@@ -379,13 +380,17 @@ def _recorded_figures(solved: SolvedTake, setup: CaptureSetup) -> Facts:
     return figures
 
 
-def _finished(solved: SolvedTake, request: SolveRequest, floor_m: float | None, report: Facts) -> SolvedTake:
+def _finished(
+    solved: SolvedTake, request: SolveRequest, performer: Subject, floor_m: float | None, report: Facts
+) -> SolvedTake:
     """Return the take with smoothed motion and feet held in place, and the report."""
     if request.smooth_hz is None and request.feet == "off":
         return replace(solved, report=report)
 
+    lasting_m = noise_of(performer.marker_set.points).lasting_m
+
     def finish(motion: Motion) -> Motion:
         calm = motion if request.smooth_hz is None else smooth_motion(motion, request.smooth_hz)
-        return calm if request.feet == "off" else hold_feet(calm, request.feet, floor_m)
+        return hold_feet(calm, request.feet, floor_m, lasting_m)
 
     return replace(solved, motions=tuple(map(finish, solved.motions)), finish=finish, report=report)

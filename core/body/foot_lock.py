@@ -16,7 +16,7 @@ from .clock import PAUSE_S
 from .motion import Motion
 from .moved_feet import bent_legs, floor_height_m
 from .skeleton import Skeleton, forward_kinematics
-from .standing_feet import STANDING, standing_balls_m, stands
+from .standing_feet import STANDING, standing_balls_m
 
 FEET = ("off", "auto", "always")
 
@@ -41,14 +41,15 @@ def floor_of(rig: CameraRig | None) -> float | None:
     return 0.0 if rig is not None and rig.metadata.get("floor") else None
 
 
-def hold_feet(motion: Motion, mode: str, floor_m: float | None) -> Motion:
+def hold_feet(motion: Motion, mode: str, floor_m: float | None, lasting_m: float = 0.0) -> Motion:
     """Return a motion with planted feet held in place; arguments and errors are those of `FootLock`.
 
     The height of an unknown floor is estimated from the lower foot of each frame.
     """
     if mode == "off":
         return motion
-    lock = FootLock(motion.skeleton, mode, floor_height_m(motion) if floor_m is None else floor_m)
+    floor_m = floor_height_m(motion) if floor_m is None else floor_m
+    lock = FootLock(motion.skeleton, mode, floor_m, lasting_m)
     frames = zip(motion.rotations, motion.root_positions_m, strict=True)
     held = [lock.step(i / motion.fps, rotations, root) for i, (rotations, root) in enumerate(frames)]
     return replace(motion, rotations=np.array(held))
@@ -83,17 +84,20 @@ class FootLock:
             even if it glides, for performers who never run or jump.
         floor_m: Height of the floor in the world of the poses; None to estimate it from the lowest ball of a foot in
             the last seconds.
+        lasting_m: Standard deviation of errors of the poses that last for many frames, by which feet that stand seem
+            to move (see `SourceNoise`).
 
     Raises:
         SettingsError: The mode is unknown.
     """
 
-    def __init__(self, skeleton: Skeleton, mode: str, floor_m: float | None = 0.0) -> None:
+    def __init__(self, skeleton: Skeleton, mode: str, floor_m: float | None = 0.0, lasting_m: float = 0.0) -> None:
         if mode not in FEET:
             raise SettingsError(f"{mode!r} is not a mode of the foot lock", advice="choose one of " + ", ".join(FEET))
         self.mode = mode
         self._skeleton = skeleton
         self._floor_m = floor_m
+        self._standing = STANDING.beyond_errors(lasting_m)
         self._lowest: list[tuple[float, float]] = []
         self._feet = []
         for side, stand_m in zip("lr", standing_balls_m(skeleton), strict=True):
@@ -115,7 +119,7 @@ class FootLock:
         heights = [float(positions[foot.toes, 1]) - floor_m - foot.stand_m for foot in self._feet]
         carrying = self._carrying(heights) if self.mode == "always" else None
         for foot, height in zip(self._feet, heights, strict=True):
-            glides = foot is carrying and height < STANDING.planted_m
+            glides = foot is carrying and height < self._standing.planted_m
             self._hold(foot, time_s, passed_s, positions[foot.toes], height, glides)
         offsets_m = np.array([foot.offset_m for foot in self._feet])
         if not np.any(np.abs(offsets_m) > _SETTINGS.still_m):
@@ -138,11 +142,11 @@ class FootLock:
 
     def _hold(self, foot: _Foot, time_s: float, passed_s: float, ball: Array, height: float, glides: bool) -> None:
         """Plant or release a foot according to its ball's motion, and set its offset."""
-        foot.past = [(t, p) for t, p in foot.past if time_s - t <= STANDING.speed_window_s + 1e-6]
+        foot.past = [(t, p) for t, p in foot.past if time_s - t <= self._standing.speed_window_s + 1e-6]
         foot.past.append((time_s, ball))
         (since_s, before) = foot.past[0]
         speed = float(np.linalg.norm(ball - before)) / max(time_s - since_s, 1e-6) if len(foot.past) > 1 else np.inf
-        held = stands(foot.anchor_m is not None, height, 0.0 if glides else speed)
+        held = self._standing.stands(foot.anchor_m is not None, height, 0.0 if glides else speed)
         if not held:
             foot.anchor_m = None
         elif foot.anchor_m is None:
@@ -151,12 +155,12 @@ class FootLock:
             wanted = foot.anchor_m - ball
             wanted[1] = 0.0
             if not glides:  # a foot that begins to lift is released gradually
-                slow, fast = STANDING.planted_m_s, STANDING.lifted_m_s
+                slow, fast = self._standing.planted_m_s, self._standing.lifted_m_s
                 leaves = min(max((speed - slow) / (fast - slow), 0.0), 1.0)
                 wanted *= np.exp(-leaves * passed_s / _SETTINGS.fade_s)
                 # the measured speed lags, so a quick lift-off is noticed late; until then the offset may grow only
                 # slowly
-                wanted = _within(STANDING.lifted_m_s * passed_s, foot.offset_m, wanted)
+                wanted = _within(fast * passed_s, foot.offset_m, wanted)
                 foot.anchor_m = ball + wanted
             if np.linalg.norm(wanted) <= (_SETTINGS.glide_reach_m if glides else _SETTINGS.reach_m):
                 foot.offset_m = wanted

@@ -4,7 +4,7 @@ A foot that stands does so until its ball is clearly faster or higher than when 
 does not release it.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -25,20 +25,30 @@ class StandingSettings:
     planted_m: float = 0.05  # below this height a foot can be planted
     lifted_m: float = 0.09  # above this height a planted foot is released
 
+    def beyond_errors(self, lasting_m: float) -> "StandingSettings":
+        """Return the limits for feet that seem to move by this standard deviation while they stand, metres."""
+        seeming_m_s = lasting_m / self.speed_window_s
+        return replace(
+            self,
+            planted_m_s=self.planted_m_s + seeming_m_s,
+            lifted_m_s=self.lifted_m_s + seeming_m_s,
+            planted_m=self.planted_m + lasting_m,
+            lifted_m=self.lifted_m + lasting_m,
+        )
+
+    def stands(self, stood: bool, height_m: float, speed_m_s: float) -> bool:
+        """Return whether a foot stands.
+
+        Args:
+            stood: Whether it stood before.
+            height_m: Height of its ball above that of a standing foot's.
+        """
+        if stood:
+            return height_m <= self.lifted_m and speed_m_s <= self.lifted_m_s
+        return height_m < self.planted_m and speed_m_s < self.planted_m_s
+
 
 STANDING = StandingSettings()
-
-
-def stands(stood: bool, height_m: float, speed_m_s: float) -> bool:
-    """Return whether a foot stands.
-
-    Args:
-        stood: Whether it stood before.
-        height_m: Height of its ball above that of a standing foot's.
-    """
-    if stood:
-        return height_m <= STANDING.lifted_m and speed_m_s <= STANDING.lifted_m_s
-    return height_m < STANDING.planted_m and speed_m_s < STANDING.planted_m_s
 
 
 def standing_balls_m(skeleton: Skeleton) -> tuple[float, float]:
@@ -70,5 +80,5 @@ def planted_feet(motion: Motion, floor_m: float) -> Mask:
     for foot in range(2):
         stood = False
         for frame, (height, speed) in enumerate(zip(heights[:, foot], speeds[:, foot], strict=True)):
-            stood = found[frame, foot] = stands(stood, height, speed)
+            stood = found[frame, foot] = STANDING.stands(stood, height, speed)
     return found

@@ -10,8 +10,9 @@ from typing import Annotated, Any
 from ..body.foot_lock import FootLock
 from ..body.one_euro import PoseSmoother
 from ..body.scene_pose import PerformerPose, PropPose, ScenePose
-from ..body.skeleton import Skeleton
 from ..errors import SettingsError
+from ..markers.source_noise import noise_of
+from ..markers.subject import Subject
 from ..system.schema import About, Schema, Table, table_of
 
 
@@ -48,9 +49,9 @@ class PoseFilter:
         SettingsError: The mode for the feet is unknown.
     """
 
-    def __init__(self, skeletons: Sequence[Skeleton], floor_m: float | None, settings: FilterSettings) -> None:
+    def __init__(self, performers: Sequence[Subject], floor_m: float | None, settings: FilterSettings) -> None:
         self._settings = settings
-        self._performers = [_PerformerFilter(skeleton, floor_m, settings) for skeleton in skeletons]
+        self._performers = [_PerformerFilter(performer, floor_m, settings) for performer in performers]
         self._props: list[PoseSmoother] = []
 
     def set_settings(self, settings: FilterSettings) -> None:
@@ -88,19 +89,21 @@ class PoseFilter:
 
 
 class _PerformerFilter:
-    def __init__(self, skeleton: Skeleton, floor_m: float | None, settings: FilterSettings) -> None:
-        self._skeleton = skeleton
+    def __init__(self, performer: Subject, floor_m: float | None, settings: FilterSettings) -> None:
+        self._performer = performer
         self._floor_m = floor_m
-        self._mode = settings.feet
         self._smoother = PoseSmoother(settings.smoothing_s)
-        self._feet = FootLock(skeleton, settings.feet, floor_m)
+        self._feet = self._lock(settings.feet)
         self._time_s = float("nan")
 
     def set_settings(self, settings: FilterSettings) -> None:
         self._smoother.delay_s = settings.smoothing_s
-        if settings.feet != self._mode:
-            self._feet = FootLock(self._skeleton, settings.feet, self._floor_m)
-        self._mode = settings.feet
+        if settings.feet != self._feet.mode:
+            self._feet = self._lock(settings.feet)
+
+    def _lock(self, mode: str) -> FootLock:
+        lasting_m = noise_of(self._performer.marker_set.points).lasting_m
+        return FootLock(self._performer.skeleton, mode, self._floor_m, lasting_m)
 
     def step(self, pose: PerformerPose) -> PerformerPose:
         if pose.time_s != self._time_s:  # a rejected frame repeats the last pose
@@ -112,8 +115,8 @@ class _PerformerFilter:
 
 
 def filter_poses(
-    poses: Sequence[ScenePose], skeletons: Sequence[Skeleton], floor_m: float | None, settings: FilterSettings
+    poses: Sequence[ScenePose], performers: Sequence[Subject], floor_m: float | None, settings: FilterSettings
 ) -> list[ScenePose]:
     """Return the poses of a take, filtered; arguments and errors are those of `PoseFilter`."""
-    pose_filter = PoseFilter(skeletons, floor_m, settings)
+    pose_filter = PoseFilter(performers, floor_m, settings)
     return [pose_filter.step(pose) for pose in poses]

@@ -145,7 +145,7 @@ def filter_take(take: TakeFile, chosen: FilterSettings, use_stored: bool = True)
     stored = take.notes.filters if use_stored else None
     return filter_poses(
         [solved.pose for solved in take.poses],
-        [subject.skeleton for subject in take.setup.subjects()],
+        take.setup.subjects(),
         floor_of(take.setup.camera_rig()),
         chosen if stored is None else FilterSettings.of_table(stored),
     )

@@ -150,6 +150,15 @@ def _exposure(settings: Any) -> StepStatus:
     return _judged([text for fault, text in seen.findings if fault in PICTURE_FAULTS])
 
 
+def _calibrated(settings: Any) -> StepStatus:
+    """Return the status of the cameras, which are to be calibrated again if the calibration's own verdict says so."""
+    state = readiness.cameras(settings)
+    if not state.ready or readiness.is_known(settings) or not readiness.has_cameras(settings):
+        return state
+    rig = readiness.rig(absolute(settings.calibration))
+    return _TODO if rig.metadata.get("verdict") == "redo" else state
+
+
 def _floor(settings: Any) -> StepStatus:
     if not readiness.has_cameras(settings):
         return _DONE
@@ -261,8 +270,9 @@ STEPS = (
         _calibrating_text,
         _calibrating,
         "cameras",
-        readiness.cameras,
+        _calibrated,
         ("board_columns", "board_rows", "board_square_mm", "board_left", "board_right", "subject_height"),
+        passing=lambda settings: "Use This Calibration" if readiness.cameras(settings).ready else "",
     ),
     GuideStep(
         "Person",

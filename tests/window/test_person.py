@@ -108,7 +108,7 @@ def test_two_films_of_a_person_drive_a_character(
 def test_cameras_are_calibrated_by_the_films_and_an_own_character_moves(
     desktop: Desktop, window: BlenderWindow, network: Path, filmed: dict[str, str], shared_dir: Path, tmp_path: Path
 ) -> None:
-    """Without a board: the network from a wheel, the height, and five clicks; each step leaves a picture."""
+    """Without a board: the network from a wheel, the height, and six clicks; each step leaves a picture."""
     wheel = tmp_path / "wheels" / "mediapipe-0.10.14-cp311-cp311-any.whl"
     wheel.parent.mkdir()
     with zipfile.ZipFile(wheel, "w") as archive:
@@ -130,6 +130,8 @@ def test_cameras_are_calibrated_by_the_films_and_an_own_character_moves(
     said = press(window, hand, "Calibrate by Walking", "cameras")
     hand.shot("calibrated")
     assert said.startswith("redo: ") and "the recording shows 2 s of motion" in said, said  # the films are short
+    hand.away()
+    hand.click("Use This Calibration", sidebar=True)
     checked = press(window, hand, "Check Setup", "guide")
     hand.shot("checked")
     assert checked.startswith("no fault was found"), checked

@@ -1,4 +1,4 @@
-"""A person without markers, followed by each two of four cameras, live and offline, compared with all four.
+"""A person without markers, followed by each two of four cameras, live and offline, and by one, compared with all four.
 
 Errors, limbs on the other side, and the processor time of each stage.
 """
@@ -11,10 +11,11 @@ from typing import Any
 
 import cv2
 import numpy as np
-from perfanim.core.api.solving import solve
+from perfanim.core.api.solving import SolveRequest, solve
+from perfanim.core.body.body_size import girth_scale
 from perfanim.core.body.motion import Motion
 from perfanim.core.body.skeleton import forward_kinematics
-from perfanim.core.body.standard_skeleton import default_skeleton
+from perfanim.core.body.standard_skeleton import DEFAULT_HEIGHT_M, default_skeleton
 from perfanim.core.database.store import Database, open_database
 from perfanim.core.geometry.arrays import Array, runs
 from perfanim.core.geometry.camera import CameraRig
@@ -25,6 +26,7 @@ from perfanim.core.markers.source_noise import noise_of
 from perfanim.core.markers.subject import Subject
 from perfanim.core.session.delayed_poses import calm_performer
 from perfanim.core.session.session import Session
+from perfanim.core.session.solved_take import SolvedTake
 from perfanim.core.session.steady_motion import motion_of
 from perfanim.core.vision.people.body_network import BlazePose
 from perfanim.core.vision.people.network_file import body_network_file
@@ -52,10 +54,13 @@ _POINTS = load_marker_set(BlazePose.marker_set)
 def people(run: Run) -> dict[str, Any]:
     """Follow a person with each pair of cameras: live, as a capture at 30 Hz does in one thread, and offline.
 
+    Each single camera follows offline, too, with the height of the body that is fitted to the take of all.
+
     Returns:
         rows (cameras, angle between them, way; distances from the joints by all four; limbs on the other side;
         trembling: mean second difference of wrists and ankles; standing: RMS distance of standing toes from their mean
-        place; median processor time), found_in_a_picture_ms, and of this machine, and of a laptop that is quicker in
+        place; median processor time), alone (camera; distances along and across its view, and about the root; mean
+        confidence), found_in_a_picture_ms, and of this machine, and of a laptop that is quicker in
         the network alone: cores (how many two cameras keep busy) and latency_ms (from the pictures to the pose, if the
         pictures are looked at beside each other). Four moments of each row are pictured beside all four cameras' pose.
     """
@@ -69,18 +74,19 @@ def people(run: Run) -> dict[str, Any]:
         frames.append(pipeline.detect(images))
         spent_s.append((time.process_time() - before_s) / len(rig))
     found_ms = 1e3 * float(np.median(spent_s[_WARM:]))
-    whole, rows, pictures = _offline(rig, frames, database), [], []
+    whole, rows, pictures = _offline(rig, frames, database).motion, [], []
     for pair in combinations(range(len(rig)), 2):
         some = CameraRig(tuple(rig.cameras[camera] for camera in pair), rig.metadata)
         seen = [_seen_by(frame, pair) for frame in frames]
         motion, times_ms = _live(some, seen[::_KEPT], database)
-        for way, own, every in ((LIVE, motion, _KEPT), (OFFLINE, _offline(some, seen, database), 1)):
+        for way, own, every in ((LIVE, motion, _KEPT), (OFFLINE, _offline(some, seen, database).motion, 1)):
             names, truth = " ".join(camera.name for camera in some.cameras), _every(whole, every)
             rows.append(
                 {"cameras": names, "way": way} | _compared(own, truth, some) | (times_ms if way == LIVE else _UNTIMED)
             )
             moments = [int(share * own.frames) for share in _MOMENTS]
             pictures += [Picture.of(f"{names} {way}, frame {every * n}", truth, own, n) for n in moments]
+    alone = [_alone(rig, camera, frames, database, whole) for camera in range(len(rig))]
     rest_ms = float(np.mean([sum(row[name] for name in _UNTIMED) for row in rows if row["way"] == LIVE]))
     rate = _FPS / _KEPT / 1e3
     figures = {
@@ -90,8 +96,8 @@ def people(run: Run) -> dict[str, Any]:
         "laptop_cores": rate * (2 * _LAPTOP_MS + rest_ms),
         "laptop_latency_ms": _LAPTOP_MS + rest_ms,
     }
-    found = {"rows": rows} | {name: round(value, 2) for name, value in figures.items()}
-    return run.write("people", found, {"": rows}, write_pictures(run.out / "people-strips", pictures))
+    found = {"rows": rows, "alone": alone} | {name: round(value, 2) for name, value in figures.items()}
+    return run.write("people", found, {"": rows, "alone": alone}, write_pictures(run.out / "people-strips", pictures))
 
 
 def _every(motion: Motion, nth: int) -> Motion:
@@ -101,17 +107,19 @@ def _every(motion: Motion, nth: int) -> Motion:
     )
 
 
-def _seen_by(frame: MarkerFrame, pair: tuple[int, int]) -> MarkerFrame:
-    """Return what two of the cameras show at a moment."""
-    blobs, times_s = tuple(frame.blobs[camera] for camera in pair), frame.camera_times_s[list(pair)]
+def _seen_by(frame: MarkerFrame, some: tuple[int, ...]) -> MarkerFrame:
+    """Return what some of the cameras show at a moment."""
+    blobs, times_s = tuple(frame.blobs[camera] for camera in some), frame.camera_times_s[list(some)]
     bare = np.empty((0, 0), dtype=np.int64)
     return replace(frame, blobs=blobs, detected=blobs, camera_times_s=times_s, point_blobs=bare)
 
 
-def _offline(rig: CameraRig, frames: Sequence[MarkerFrame], database: Database) -> Motion:
-    """Return the motion of the body that is fitted to a whole take."""
+def _offline(
+    rig: CameraRig, frames: Sequence[MarkerFrame], database: Database, height_m: float | None = None
+) -> SolvedTake:
+    """Return a whole take, solved with the body that is fitted to it."""
     take = labelled_take(relocate(rig, frames), _POINTS.names, "person", _FPS, rig)
-    return solve(take, database=database).motion
+    return solve(take, database=database, request=SolveRequest(height_m=height_m))
 
 
 def _live(rig: CameraRig, frames: Sequence[MarkerFrame], database: Database) -> tuple[Motion, dict[str, float]]:
@@ -127,6 +135,32 @@ def _live(rig: CameraRig, frames: Sequence[MarkerFrame], database: Database) -> 
     times_ms = np.median(1e3 * np.diff(moments_s[_WARM:], axis=1), axis=0).tolist()
     motion = motion_of(calm_performer(poses, noise_of(_POINTS.points)), subject, "person", _FPS / _KEPT)
     return motion, dict(zip(_UNTIMED, (round(each, 1) for each in times_ms), strict=True))
+
+
+def _alone(
+    rig: CameraRig, camera: int, frames: Sequence[MarkerFrame], database: Database, whole: Motion
+) -> dict[str, Any]:
+    """Return how the motion by a single camera differs from that by all of them."""
+    some = CameraRig((rig.cameras[camera],), rig.metadata)
+    height_m = DEFAULT_HEIGHT_M * girth_scale(whole.skeleton)
+    solved = _offline(some, [_seen_by(frame, (camera,)) for frame in frames], database, height_m)
+    own_m, whole_m = (
+        forward_kinematics(each.skeleton, each.rotations, each.root_positions_m)[0] for each in (solved.motion, whole)
+    )
+    off_mm, view = 1e3 * (own_m - whole_m), whole_m - some.cameras[0].centre_m
+    view /= np.linalg.norm(view, axis=-1, keepdims=True)
+    along_mm = np.sum(off_mm * view, axis=-1)
+    across_mm = np.linalg.norm(off_mm - along_mm[..., None] * view, axis=-1)
+    about_mm = np.linalg.norm(off_mm - off_mm[:, :1], axis=-1)[:, 1:]
+    return {
+        "camera": some.cameras[0].name,
+        "along_mm": round(float(np.median(np.abs(along_mm))), 1),
+        "across_mm": round(float(np.median(across_mm)), 1),
+        "about_root_mm": round(float(np.median(about_mm)), 1),
+        "about_root_p90_mm": round(float(np.percentile(about_mm, 90.0)), 1),
+        "crossed": int(crossed_limbs(solved.motion, whole).any(axis=1).sum()),
+        "confidence": round(float(np.mean([pose.confidence for pose in solved.poses_of()])), 2),
+    }
 
 
 def _compared(motion: Motion, whole: Motion, rig: CameraRig) -> dict[str, Any]:

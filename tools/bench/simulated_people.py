@@ -19,6 +19,7 @@ from perfanim.core.markers.exchanged_throughout import other_sides
 from perfanim.core.markers.label_faults import correct_labels
 from perfanim.core.markers.marker_frame import MarkerFrame
 from perfanim.core.markers.marker_set import load_marker_set
+from perfanim.core.markers.source_noise import noise_of
 from perfanim.core.session.solve_take import solve_take
 from perfanim.core.simulate.simulated_keypoints import KeypointErrors, keypoint_errors
 from perfanim.core.simulate.simulated_markers import simulate_markers
@@ -123,7 +124,7 @@ def _solve(
                 {"take": title, "way": way}
                 | {name: round(errors[name], 3) for name in _MEASURES}
                 | {"of_exact": round(errors["bone_direction_deg"] / marked_errors["bone_direction_deg"], 3)}
-                | {SKATE: feet_errors(motion, truth)[SKATE]}
+                | {SKATE: feet_errors(motion, truth, noise_of(_POINTS.points).lasting_m)[SKATE]}
                 | counts
             )
     return rows, decided

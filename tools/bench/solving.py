@@ -105,14 +105,17 @@ def first_pose(poses: Sequence[PerformerPose]) -> int:
     return next((frame for frame, pose in enumerate(poses) if np.isfinite(pose.marker_rms_m)), 0)
 
 
-def feet_errors(motion: Motion, truth: Motion) -> dict[str, float]:
+def feet_errors(motion: Motion, truth: Motion, lasting_m: float = 0.0) -> dict[str, float]:
     """Return how feet skate and sink if they are held as in a capture.
+
+    Args:
+        lasting_m: As for `hold_feet`.
 
     Returns:
         skate_beyond_cm_s: mean horizontal speed of the toes while the true ones are planted, minus the truth's own; NaN
         if they never are. toes_below_mm: how far the toes' joint or tip goes below the true ones' lowest position.
     """
-    held = hold_feet(motion, "auto", None)
+    held = hold_feet(motion, "auto", None, lasting_m)
     errors = evaluate(held, truth)
     below_m = float(np.min(_toe_heights(truth)) - np.min(_toe_heights(held)))
     return {

@@ -98,14 +98,14 @@ def _session(setup: TakeSetup, database: Database, settings: SolveSettings) -> "
 def _output(request: CaptureRequest, setup: TakeSetup, channel: Channel) -> PoseOutput:
     """Return the output to Blender, and over VMC if the request names a program."""
     floor_m = floor_of(setup.camera_rig()) if request.cameras.rig else 0.0  # the simulated performer's floor is y = 0
-    skeletons = [subject.skeleton for subject in setup.subjects()]
-    shaper = PoseFilter(skeletons, floor_m, request.shape)
+    performers = setup.subjects()
+    shaper = PoseFilter(performers, floor_m, request.shape)
     ahead = _POSES_AHEAD if isinstance(request.cameras.source, SimulatedPerformer) else None
     if request.vmc is None:
         return PoseOutput(shaper, channel, ahead)
     from ..vmc_sender import VmcSender  # loaded only by captures that send over VMC
 
-    sender = VmcSender(skeletons[0], request.vmc.host, request.vmc.port, channel.send_warning)
+    sender = VmcSender(performers[0].skeleton, request.vmc.host, request.vmc.port, channel.send_warning)
     return PoseOutput(shaper, channel, ahead, sender)
 
 

@@ -53,8 +53,7 @@ def test_the_defaults_capture_a_new_character_into_one_action(part: Any, chosen:
     assert take.complete
     assert len(take.frames) == len(take.poses) == len(poses)
     # the take keeps the poses as they were solved, the character's feet are held
-    (performer,) = capture.setup.performers
-    held = filter_poses([kept.pose for kept in take.poses], [performer.skeleton], 0.0, FilterSettings(feet="auto"))
+    held = filter_poses([kept.pose for kept in take.poses], take.setup.subjects(), 0.0, FilterSettings(feet="auto"))
     for pose, shown in zip(held, poses, strict=True):
         np.testing.assert_array_equal(pose.performers[0].rotations, shown.performers[0].rotations)
     assert len(bpy.data.actions) == 1

@@ -105,6 +105,21 @@ def test_optional_steps_can_be_skipped_and_no_others(guide: Any, chosen: Any, tm
     assert title(guide, chosen) == "Exposure"
 
 
+def test_a_calibration_to_be_done_again_is_no_step_done(guide: Any, chosen: Any, tmp_path: Path) -> None:
+    chosen.practise = True
+    guide.keep_check(chosen, GOOD)
+    rig = default_rig()
+    rig.metadata["verdict"] = "redo"
+    save_rig(rig, tmp_path / "short-walk.toml")
+    chosen.calibration = str(tmp_path / "short-walk.toml")
+    step = guide.next_step(chosen)[1]
+    assert step.title == "Calibrate" and step.passing(chosen) == "Use This Calibration"
+    bpy.ops.perfanim.skip_step()
+    assert title(guide, chosen) == "Floor"
+    chosen.practise = False  # the simulated performer needs no calibration
+    assert guide._calibrated(chosen).ready
+
+
 def test_trackers_need_no_camera_steps(guide: Any, chosen: Any) -> None:
     chosen.source = "VMC"
     state = guide.readiness.pictures(chosen)

@@ -126,7 +126,7 @@ def test_performers_props_and_filters_ignore_impossible_frames(subject, database
 
     def chain():
         sessions = MultiTargetSession([Session(subject, database, film.rig) for _ in range(2)], [sword])
-        return sessions, PoseFilter([subject.skeleton] * 2, 0.0, FilterSettings(0.05, "auto"))
+        return sessions, PoseFilter([subject] * 2, 0.0, FilterSettings(0.05, "auto"))
 
     (session, shaper), (clean, clean_shaper) = chain(), chain()
     refused, last = 0, None

@@ -4,15 +4,21 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from perfanim.core.body.calibration_poses import standing
 from perfanim.core.body.one_euro import PoseSmoother
 from perfanim.core.body.scene_pose import PerformerPose, PropPose, ScenePose
+from perfanim.core.body.skeleton import forward_kinematics
 from perfanim.core.body.standard_skeleton import default_skeleton
 from perfanim.core.errors import SettingsError
 from perfanim.core.geometry import rotations as rot
+from perfanim.core.markers.marker_set import PointKind, load_marker_set
+from perfanim.core.markers.source_noise import noise_of
+from perfanim.core.markers.subject import Subject
 from perfanim.core.session.pose_filters import FilterSettings, PoseFilter, filter_poses
 
 FPS = 60
 JOINTS = 29
+PERFORMER = Subject("walker", default_skeleton(), load_marker_set("locomotion"))
 
 
 def smoothed(delay_s: float, angles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -70,7 +76,7 @@ def a_pose(number: int) -> ScenePose:
 
 
 def test_poses_pass_unchanged_without_filters() -> None:
-    shaper = PoseFilter([default_skeleton()], 0.0, FilterSettings())
+    shaper = PoseFilter([PERFORMER], 0.0, FilterSettings())
     assert all(shaper.step(pose) is pose for pose in map(a_pose, range(5)))
     shaper.set_settings(FilterSettings.of_table({"smoothing_s": 0.05}))
     shown = [shaper.step(a_pose(number)) for number in range(5, 30)]
@@ -84,9 +90,9 @@ def test_poses_pass_unchanged_without_filters() -> None:
     shaper.set_settings(FilterSettings())
     pose = a_pose(30)
     assert shaper.step(pose) is pose
-    skeleton, smooth = default_skeleton(), FilterSettings(smoothing_s=0.05)
-    again = [shaper.step(a_pose(number)) for shaper in [PoseFilter([skeleton], 0.0, smooth)] for number in range(9)]
-    for mine, other in zip(filter_poses(list(map(a_pose, range(9))), [skeleton], 0.0, smooth), again, strict=True):
+    smooth = FilterSettings(smoothing_s=0.05)
+    again = [shaper.step(a_pose(number)) for shaper in [PoseFilter([PERFORMER], 0.0, smooth)] for number in range(9)]
+    for mine, other in zip(filter_poses(list(map(a_pose, range(9))), [PERFORMER], 0.0, smooth), again, strict=True):
         np.testing.assert_array_equal(mine.performers[0].rotations, other.performers[0].rotations)
     with pytest.raises(SettingsError, match="is not a mode"):
         shaper.set_settings(FilterSettings(feet="sometimes"))
@@ -94,7 +100,7 @@ def test_poses_pass_unchanged_without_filters() -> None:
 
 def test_held_prop_has_the_delay_of_the_hand() -> None:
     """A prop that moves as the root does is smoothed as the root is; while it is hidden it stays as it is."""
-    shaper = PoseFilter([default_skeleton()], None, FilterSettings(smoothing_s=0.1))
+    shaper = PoseFilter([PERFORMER], None, FilterSettings(smoothing_s=0.1))
     for number in range(40):
         way = np.array([0.2 * number / FPS, 0.0, 0.0])
         turn = rot.from_rotation_vector([0.5 * number / FPS, 0.0, 0.0])
@@ -108,3 +114,26 @@ def test_held_prop_has_the_delay_of_the_hand() -> None:
             assert number == 0 or held.position_m[0] < way[0]
         elif number < 22:
             assert held is prop
+
+
+def test_feet_are_held_against_the_errors_of_their_source() -> None:
+    """A standing body that seems to sway, as by a network's lasting errors, keeps its feet in place."""
+    sway_m, sway_hz, seconds = np.sqrt(2.0) * noise_of(PointKind.KEYPOINTS).lasting_m, 3.0, np.arange(2 * FPS) / FPS
+    turns, ways_m = standing(PERFORMER.skeleton), {}
+    positions_m = forward_kinematics(PERFORMER.skeleton, turns, np.zeros(3))[0]
+    roots_m = np.array([0.0, -positions_m[:, 1].min(), 0.0]) + np.outer(
+        sway_m * np.sin(2.0 * np.pi * sway_hz * seconds), [1.0, 0.0, 0.0]
+    )
+    poses = [
+        ScenePose((replace(a_pose(number).performers[0], rotations=turns, root_position_m=root_m),))
+        for number, root_m in enumerate(roots_m)
+    ]
+    for points in PointKind:
+        performer = replace(PERFORMER, marker_set=replace(PERFORMER.marker_set, points=points))
+        held = np.array([
+            shown.performers[0].rotations
+            for shown in filter_poses(poses, [performer], 0.0, FilterSettings(feet="auto"))
+        ])  # fmt: skip
+        balls_m = forward_kinematics(PERFORMER.skeleton, held, roots_m)[0][FPS:, PERFORMER.skeleton.index("ltoes")]
+        ways_m[points] = np.ptp(balls_m[:, 0])
+    assert ways_m[PointKind.KEYPOINTS] < 0.01 * sway_m < 0.2 * sway_m < ways_m[PointKind.MARKERS]

@@ -38,13 +38,13 @@ def poses(truth):
     ]
 
 
-def test_what_is_sent_is_what_is_shown(truth, poses):
+def test_what_is_sent_is_what_is_shown(truth, subject, poses):
     told = []
     with Receiver(0) as receiver:
         sender = VmcSender(truth.skeleton, "127.0.0.1", receiver.port, told.append)
         channel = PlayedChannel()
-        output = PoseOutput(PoseFilter([truth.skeleton], None, SMOOTH), channel, None, sender)
-        alone = PoseFilter([truth.skeleton], None, SMOOTH)
+        output = PoseOutput(PoseFilter([subject], None, SMOOTH), channel, None, sender)
+        alone = PoseFilter([subject], None, SMOOTH)
         for pose in poses:
             output.put(TimedPose(pose, 0.0), None)
             assert output.send()

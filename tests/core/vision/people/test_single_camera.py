@@ -94,9 +94,9 @@ def test_one_camera_gives_the_motion_and_half_the_confidence_at_most(database, f
     confidence = {count: np.mean([pose.confidence for pose in each.poses_of()]) for count, each in solved.items()}
     LOG.info(
         "floor %s: mpjpe %.0f mm, bones %.1f degrees, along the view %.0f mm, across it %.0f mm (medians); "
-        "confidence %.2f, with two cameras %.2f",
+        "feet slide by %.0f cm/s; confidence %.2f, with two cameras %.2f",
         floor, measures["mpjpe_mm"], measures["bone_direction_deg"], 1e3 * np.median(np.abs(along_m)),
-        1e3 * np.median(across_m), confidence[1], confidence[2],
+        1e3 * np.median(across_m), measures["foot_skate_cm_s"], confidence[1], confidence[2],
     )  # fmt: skip
     assert measures["mpjpe_mm"] < 70.0
     assert np.median(across_m) < 0.025 < np.median(np.abs(along_m)) < 0.1
