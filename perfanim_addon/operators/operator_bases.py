@@ -10,6 +10,8 @@ import bpy
 from ...core.errors import CaptureError, PerfanimError
 from ..jobs import activity
 
+last_folders: dict[str, str] = {}  # operator -> folder chosen last
+
 
 def need(is_met: Callable[[bpy.types.Context], object], text: str) -> Any:
     """Return a `missing_input` with one condition; the text says what is missing."""

@@ -123,6 +123,8 @@ class Hand:
     def save_in(self, folder: Path) -> None:
         """Go to a folder in the file browser and save there under the name that is offered."""
         self._go_to(folder)
+        place = self.find("Bookmarks")
+        self._desktop.move(place.x, place.y)  # from where Cancel may be, which would take the key
         self._desktop.key("Return")
         self._wait_for_no_browser()
 

@@ -231,6 +231,18 @@ def test_a_take_is_exported(part: Any, walk: SimpleNamespace, tmp_path: Path, ch
     assert "pelvis" in read.names
 
 
+def test_the_next_export_is_offered_in_the_folder_of_the_last(
+    part: Any, walk: SimpleNamespace, tmp_path: Path, chosen: Any
+) -> None:
+    path, operator = str(recorded(part, walk, "walk")), part("operators.export_operators").PERFANIM_OT_export_take
+    bpy.ops.perfanim.export_take(path=path, kind="VRMA", filepath=str(tmp_path / "a.vrma"))
+    dialog, shown = SimpleNamespace(path=path, kind="BVH", bl_idname="PERFANIM_OT_export_take"), []
+    window_manager = SimpleNamespace(fileselect_add=shown.append)
+    assert operator.invoke(dialog, SimpleNamespace(window_manager=window_manager), None) == {"RUNNING_MODAL"}
+    assert shown == [dialog]
+    assert dialog.filepath == str(tmp_path / "walk.bvh")
+
+
 def test_a_deleted_take_can_be_had_back(part: Any, walk: SimpleNamespace, listed_takes: Any) -> None:
     first, second = recorded(part, walk, "walk"), recorded(part, walk, "run")
     content = first.read_bytes()
