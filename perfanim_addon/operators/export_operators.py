@@ -60,7 +60,7 @@ class PERFANIM_OT_export_take(TakeOperator, PanelOperator, bpy.types.Operator, E
             name = bpy.path.clean_name(summarise(self.path).notes.name) + _ENDINGS[self.kind]
         except PerfanimError as error:
             return report_error(self, PANEL, error)
-        self.filepath = str(Path(last_folders.get(self.bl_idname, "")) / name)
+        self.filepath = str(Path(last_folders.get(type(self).__name__, "")) / name)
         context.window_manager.fileselect_add(self)
         return {"RUNNING_MODAL"}
 
@@ -91,7 +91,7 @@ class PERFANIM_OT_export_take(TakeOperator, PanelOperator, bpy.types.Operator, E
 
     def run(self, context: bpy.types.Context) -> str:
         target = Path(absolute(self._with_ending()))
-        last_folders[self.bl_idname] = str(target.parent)
+        last_folders[type(self).__name__] = str(target.parent)
         take = read_take_file(self.path)
         motion = take_motion(context, take)
         poses, count, index = recorded_poses(take, motion), len(motion.performers), self.performer - 1

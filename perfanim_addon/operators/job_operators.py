@@ -108,12 +108,12 @@ class FilesOperator(ImportHelper):
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         # Blender would keep the folder only of a job that succeeds
-        self.filepath = last_folders.get(self.bl_idname, self.filepath)
+        self.filepath = last_folders.get(type(self).__name__, self.filepath)
         return set(ImportHelper.invoke(self, context, event))
 
     def chosen_files(self) -> list[str]:
         """Return the chosen files, or the folder if no file is chosen."""
-        last_folders[self.bl_idname] = self.directory
+        last_folders[type(self).__name__] = self.directory
         files = [str(Path(self.directory) / item.name) for item in self.files if item.name]
         return files or [self.filepath or self.directory]
 
