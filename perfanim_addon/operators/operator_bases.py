@@ -102,5 +102,5 @@ def report_error(operator: bpy.types.Operator, panel: str, error: PerfanimError)
     """Report an error, show it in the panel, and cancel."""
     text = str(error)
     activity.set_message(panel, text, "ERROR")
-    operator.report({"ERROR"}, "\n".join(wrapped(text, _POP_UP_CHARACTERS)))  # Blender cuts lines that are too wide
+    operator.report({"ERROR"}, " \n".join(wrapped(text, _POP_UP_CHARACTERS)))  # Blender cuts lines that are too wide
     return {"CANCELLED"}
