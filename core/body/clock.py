@@ -18,6 +18,8 @@ from ..geometry.arrays import Array, IntArray, Mask, runs
 from .motion import LEAST_FPS, MOST_FPS, Motion
 from .skeleton import Skeleton
 
+PAUSE_S = 0.25  # time between two frames above which the motion between them is unknown
+
 
 @dataclass(frozen=True)
 class ClockSettings:
@@ -36,7 +38,6 @@ class ClockSettings:
     plausible_hz: tuple[float, float] = (5.0, 5000.0)  # lowest and highest rate of markers; tells the unit of times
     uneven: float = 0.5  # smallest deviation of a step from one frame interval that is reported, frames
     near_s: float = 0.1  # longest step across which markers and props are interpolated, s
-    short_s: float = 0.25  # longest step between poses that is interpolated with a cubic, s
     longest_s: float = 1.0  # longest transition between two poses, s; in longer steps the first pose is held before it
 
 
@@ -309,7 +310,7 @@ def _between(times_s: Array, values: Array, wanted_s: Array, is_rotation: bool) 
     before, share, step_s = _places(times_s, wanted_s)
     found = values[before + (share == 1.0)]
     apart = (share > 0.0) & (share < 1.0)
-    long, short = np.flatnonzero(apart & (step_s > CLOCK.short_s)), np.flatnonzero(apart & (step_s <= CLOCK.short_s))
+    long, short = np.flatnonzero(apart & (step_s > PAUSE_S)), np.flatnonzero(apart & (step_s <= PAUSE_S))
     if len(long):
         start, end = values[before[long]], values[before[long] + 1]
         part = share[long].reshape(-1, *[1] * (values.ndim - 1))

@@ -12,6 +12,7 @@ import numpy as np
 from ..errors import SettingsError
 from ..geometry.arrays import Array
 from ..geometry.camera import CameraRig
+from .clock import PAUSE_S
 from .motion import Motion
 from .moved_feet import bent_legs, floor_height_m
 from .skeleton import Skeleton, forward_kinematics
@@ -29,7 +30,6 @@ class FootLockSettings:
     lower_m: float = 0.02  # height by which a foot must be lower than the held one to replace it
     fade_s: float = 0.12  # time constant of the release
     still_m: float = 1e-5  # smaller offsets are left out
-    pause_s: float = 0.25  # time without a pose after which the lock restarts
     floor_memory_s: float = 2.0  # period whose lowest ball of a foot shows the height of an unknown floor
 
 
@@ -106,7 +106,7 @@ class FootLock:
             return rotations
         passed_s = time_s - self._time_s
         self._time_s = time_s
-        if not 0.0 < passed_s < _SETTINGS.pause_s:
+        if not 0.0 < passed_s < PAUSE_S:
             self._lowest.clear()
             for foot in self._feet:
                 foot.forget()

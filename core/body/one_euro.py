@@ -11,6 +11,7 @@ import numpy as np
 
 from ..geometry import rotations as rot
 from ..geometry.arrays import Array
+from .clock import PAUSE_S
 
 
 @dataclass(frozen=True)
@@ -20,7 +21,6 @@ class OneEuroSettings:
     hz_per_rad_s: float = 1.0  # increase of the cutoff with the speed of a rotation
     hz_per_m_s: float = 4.0  # increase of the cutoff with the speed of the root
     speed_hz: float = 2.0  # cutoff of the filter for speeds
-    pause_s: float = 0.25  # time without a pose after which the filter restarts
 
 
 _SETTINGS = OneEuroSettings()
@@ -40,7 +40,7 @@ class PoseSmoother:
     def step(self, time_s: float, rotations: Array, root_position_m: Array) -> tuple[Array, Array]:
         """Return the next pose's smoothed rotations (J, 4) and root position (3,); times must ascend."""
         last = self._last
-        if self.delay_s <= 0.0 or last is None or not 0.0 < time_s - last[0] < _SETTINGS.pause_s:
+        if self.delay_s <= 0.0 or last is None or not 0.0 < time_s - last[0] < PAUSE_S:
             self._last = time_s, rotations, root_position_m
             self._raw = rotations, root_position_m
             self._turning = np.zeros((len(rotations), 3))

@@ -12,6 +12,7 @@ import numpy as np
 
 from ..geometry import rotations as rot
 from ..geometry.arrays import Array, IntArray, Mask
+from .clock import PAUSE_S
 from .skeleton import Skeleton
 
 _FRAME_S = 1.0 / 60.0  # frame interval to which the limits below refer
@@ -26,7 +27,6 @@ _FASTEST_M = 0.15  # movement of a marker per frame above which it is not used
 # back the next
 _NEW_FRAMES = 8
 _FADING = 0.8  # factor per frame by which the last movement of a hidden marker decays
-_PAUSE_S = 0.25  # time without a pose after which the limit restarts
 _CUT_M = 0.15  # distance per frame from all recent positions that makes a marker part of a cut
 _CUT_MARKERS, _CUT_SHARE = 2, 0.2  # smallest number and share of such markers that make a cut
 _CUT_SHARE_FOUND = 0.6  # this share if the session found the labels, because some points may be ghosts
@@ -74,7 +74,7 @@ class PoseSlewLimit:
         in_root_m = (points_m - root_position_m) @ rot.to_matrix(rotations[0])
         seen = np.isfinite(points_m[:, 0])
         share = _CUT_SHARE if labels_known else _CUT_SHARE_FOUND
-        if not 0.0 < frames < _PAUSE_S / _FRAME_S or self._is_cut(time_s, points_m, share):
+        if not 0.0 < frames < PAUSE_S / _FRAME_S or self._is_cut(time_s, points_m, share):
             self._ways_m = np.zeros(len(points_m))
             self._seen_s = np.full(len(points_m), time_s)
             self._seen, self._changed = seen, np.zeros(len(points_m), dtype=np.bool_)
@@ -90,7 +90,7 @@ class PoseSlewLimit:
         self._time_s, self._raw, self._in_root_m = time_s, rotations, in_root_m
         self._seen_s[seen] = time_s
         self._trail.append((time_s, points_m))
-        while time_s - self._trail[0][0] > _PAUSE_S:
+        while time_s - self._trail[0][0] > PAUSE_S:
             self._trail.popleft()
         return self._shown
 

@@ -6,12 +6,13 @@ import numpy as np
 
 from ..geometry.arrays import Array, Mask
 
+STILL_M = 1e-7  # movement in a frame that rounding in conversions explains
+
 
 @dataclass(frozen=True)
 class FrozenSettings:
     """Settings of `FrozenMarkers`."""
 
-    still_m: float = 1e-7  # movement in a frame that rounding explains
     least_s: float = 0.1  # time for which a frozen marker stands still
     moved_m: float = 0.05  # length of the body's path meanwhile
 
@@ -45,7 +46,7 @@ class FrozenMarkers:
         self._last_m = points_m
         known = np.isfinite(steps_m)
         path_m = float(np.median(steps_m[known])) if known.any() else 0.0
-        still = steps_m <= _S.still_m
+        still = steps_m <= STILL_M
         self._still_s = np.where(still, self._still_s + elapsed_s, 0.0)
         self._moved_m = np.where(still, self._moved_m + path_m, 0.0)
         return np.asarray(~self._standing & (self._still_s > _S.least_s - _ROUNDING_S) & (self._moved_m > _S.moved_m))

@@ -15,10 +15,12 @@ from ..geometry.arrays import Array, IntArray, Mask, runs
 from .exchanged_labels import Exchange, put_back, undo_exchanges
 from .exchanged_sides import exchanged_sides
 from .exchanged_throughout import exchanged_throughout
+from .frozen_markers import STILL_M
+from .marker_noise import MEDIAN_LENGTH
 from .marker_take import MarkerTake, SingleViews
 from .source_noise import noise_of
 from .subject import Subject
-from .trajectory_seams import MEDIAN_LENGTH, SeamScale, after, before, cost
+from .trajectory_seams import SeamScale, after, before, cost
 from .wild_points import find_wild_points
 
 
@@ -81,7 +83,6 @@ class FaultSettings:
 
     fewest_frames: int = 8  # fewest frames from which a marker's typical misses can be estimated
     still_sigmas: float = 0.1  # largest step of a still marker, in standard deviations of its misses
-    still_m: float = 1e-7  # the same in metres, however small the noise: rounding in conversions
     still_frames: int = 3  # smallest number of equal positions of a still marker
     still_evidence: float = 9.0  # evidence needed that a marker stops or starts as no body does, nats
     still_step: float = 3.0  # cap on the evidence of each step without noise, nats
@@ -190,7 +191,7 @@ def _missing(faulty: Mask, names: Sequence[str], kind: FaultKind) -> list[LabelF
 def _frozen(times_s: Array, points_m: Array, scale: SeamScale, nearest: Mask) -> Mask:
     """Return a mask (F, M) of positions that stay the same although noise or the motion around them contradicts it."""
     steps = np.linalg.norm(np.diff(points_m, axis=0), axis=-1)
-    still = steps <= np.maximum(_S.still_m, _S.still_sigmas * scale.usual)
+    still = steps <= np.maximum(STILL_M, _S.still_sigmas * scale.usual)
     seen = np.isfinite(steps)
     steps_noise = _evidence_of_steps(times_s, points_m, steps)
     frozen = np.zeros(points_m.shape[:2], dtype=bool)
@@ -202,7 +203,7 @@ def _frozen(times_s: Array, points_m: Array, scale: SeamScale, nearest: Mask) ->
             beside = seen[start:stop, others].sum()
             if beside and still[start:stop, others].sum() > _S.all_still * beside:
                 continue
-            noiseless = steps_noise[marker] * int((steps[start:stop, marker] <= _S.still_m).sum())
+            noiseless = steps_noise[marker] * int((steps[start:stop, marker] <= STILL_M).sum())
             filled = noiseless > _S.still_evidence and _moved(points_m, marker, nearest[marker], start, stop)
             if filled or _contradicted(times_s, points_m[:, marker], start, stop, float(scale.usual[marker])):
                 frozen[start + 1 : stop + 1, marker] = True
@@ -214,8 +215,8 @@ def _evidence_of_steps(times_s: Array, points_m: Array, steps: Array) -> Array:
 
     True positions have noise. Its lowest level is used, if that exceeds the take's rounding.
     """
-    moved = steps[np.isfinite(steps) & (steps > _S.still_m)]
-    rounding_m = max(float(moved.min()), _S.still_m) if len(moved) else np.inf
+    moved = steps[np.isfinite(steps) & (steps > STILL_M)]
+    rounding_m = max(float(moved.min()), STILL_M) if len(moved) else np.inf
     evidence = np.zeros(points_m.shape[1])
     for marker in range(points_m.shape[1]):
         rows = np.flatnonzero(np.isfinite(points_m[:, marker, 0]))
@@ -224,7 +225,7 @@ def _evidence_of_steps(times_s: Array, points_m: Array, steps: Array) -> Array:
         misses = np.linalg.norm(
             before(times_s[rows], points_m[rows, marker]) - after(times_s[rows], points_m[rows, marker]), axis=1
         )
-        misses = misses[misses > _S.still_m]
+        misses = misses[misses > STILL_M]
         noise = float(np.quantile(misses, _S.quietest)) / rounding_m if len(misses) else 0.0
         evidence[marker] = min(np.log(noise), _S.still_step) if noise > _S.rounded else 0.0
     return evidence

@@ -11,9 +11,9 @@ import numpy as np
 from ..geometry.arrays import Array
 
 _POSITIONS = 5  # number of successive positions that are compared
-_MEDIAN_LENGTH = 1.538  # median of the chi distribution with 3 degrees of freedom
+MEDIAN_LENGTH = 1.538  # median of the chi distribution with 3 degrees of freedom
 _LATEST_S = 1.0  # length of the period from which a live estimate is made
-_FEWEST = 10  # number of comparisons needed for a marker's own estimate
+FEWEST = 10  # number of differences needed to estimate their standard deviation
 
 
 class MarkerNoise:
@@ -71,14 +71,14 @@ def _sigmas(differences: Array) -> Array:
     """Return standard deviations (M,) of coordinates from differences (N, M), NaN where unknown."""
     ordered = np.sort(differences.T)  # NaNs come last
     frames = len(differences)
-    if frames >= _FEWEST and not np.isnan(ordered[:, -1]).any():
-        return np.asarray(0.5 * (ordered[:, (frames - 1) // 2] + ordered[:, frames // 2]) / _MEDIAN_LENGTH)
+    if frames >= FEWEST and not np.isnan(ordered[:, -1]).any():
+        return np.asarray(0.5 * (ordered[:, (frames - 1) // 2] + ordered[:, frames // 2]) / MEDIAN_LENGTH)
     counts = np.isfinite(differences).sum(axis=0)
-    known = counts >= _FEWEST
+    known = counts >= FEWEST
     if not known.any():  # soon after the start, there is one estimate for all markers
-        return np.full(len(counts), np.nanmedian(differences) / _MEDIAN_LENGTH if counts.sum() >= _FEWEST else 0.0)
+        return np.full(len(counts), np.nanmedian(differences) / MEDIAN_LENGTH if counts.sum() >= FEWEST else 0.0)
     middle = np.maximum(counts - 1, 0)
     each = np.arange(len(counts))
     low, high = (ordered[each, index] for index in (middle // 2, (middle + 1) // 2))
-    sigmas = 0.5 * (low + high) / _MEDIAN_LENGTH
+    sigmas = 0.5 * (low + high) / MEDIAN_LENGTH
     return np.where(known, sigmas, np.median(sigmas[known]))

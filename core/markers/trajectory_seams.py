@@ -11,9 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..geometry.arrays import Array, IntArray
-
-MEDIAN_LENGTH = 1.538  # median of the chi distribution with 3 degrees of freedom
-_FEWEST = 10  # number of seams needed for an estimate
+from .marker_noise import FEWEST, MEDIAN_LENGTH
 
 
 @dataclass(frozen=True)
@@ -60,7 +58,7 @@ class SeamScale:
         self._step_s = float(np.median(np.diff(times_s)))
         self._at_gap = np.full((markers, len(_S.gaps)), np.nan)
         for column, gap in enumerate(_S.gaps):
-            if frames < gap + 3 + _FEWEST:
+            if frames < gap + 3 + FEWEST:
                 break
             ends = (
                 points_m[: frames - gap - 2],
@@ -70,7 +68,7 @@ class SeamScale:
             )
             half = 0.5 * gap
             miss = np.linalg.norm((1 + half) * (ends[1] - ends[2]) - half * (ends[0] - ends[3]), axis=-1)
-            known = np.isfinite(miss).sum(axis=0) >= _FEWEST
+            known = np.isfinite(miss).sum(axis=0) >= FEWEST
             self._at_gap[known, column] = np.nanmedian(miss[:, known], axis=0) / MEDIAN_LENGTH
         self._complete()
 

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..body.clock import PAUSE_S
 from ..body.scene_pose import PerformerPose, ScenePose
 from ..geometry import rotations as rot
 from ..geometry.arrays import Array
@@ -22,7 +23,6 @@ class TapSettings:
     """Settings of the filter."""
 
     frames: int = 2  # number of frames averaged on either side; also the delay
-    pause_s: float = 0.25  # time between two frames above which their poses are not averaged
     cut_m: float = 0.3  # movement of the root between two frames above which there is a cut
 
 
@@ -82,7 +82,7 @@ def _goes_on(before: PerformerPose, pose: PerformerPose) -> bool:
     if not (np.isfinite(before.marker_rms_m) and np.isfinite(pose.marker_rms_m)):
         return False  # one of the two was not solved
     moved_m = np.linalg.norm(pose.root_position_m - before.root_position_m)
-    return 0.0 < pose.time_s - before.time_s < _S.pause_s and bool(moved_m < _S.cut_m)
+    return 0.0 < pose.time_s - before.time_s < PAUSE_S and bool(moved_m < _S.cut_m)
 
 
 def _mean(poses: Sequence[PerformerPose], shown: PerformerPose, sigma_s: float) -> PerformerPose:

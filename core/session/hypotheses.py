@@ -25,6 +25,7 @@ class HypothesisSettings:
 
     most: int = 5  # number of hypotheses
     lead: float = 2.0  # gain over the best hypothesis that makes another the best
+    most_frame: float = 60.0  # cap on the cost of one frame, so that no outlier is decisive
     same_m: float = 0.02  # distance up to which two points, or two bodies with the same labels, are the same
 
 

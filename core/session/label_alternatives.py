@@ -88,22 +88,27 @@ class LabelAlternatives:
         Args:
             start: Labels of points_m (N, 3) with which the hypothesis begins, and their alternatives.
         """
-        self._judged, self._moved_m, self._was_confident = lineage, np.inf, False
+        self._judged, self._was_confident = lineage, False
+        self._misplaced_m = np.inf if start is None else 0.0
         self._waiting: list[_Alternative] = []
         self._followed: list[PointHypothesis] = []
         self._searched: _Searched | None = None
         self._searched_s = -np.inf
         if start is not None and points_m is not None:
-            likely = [labels for labels, cost in start.alternatives if cost - start.cost <= _S.sure]
-            named = [by_marker(points_m, labels, len(self._torso)) for labels in (start.labels, *likely)]
-            self._moved_m = max((_farthest_m(named[0], other_m) for other_m in named[1:]), default=0.0)
+            best_m = by_marker(points_m, start.labels, len(self._torso))
+            for labels, cost in start.alternatives:
+                moved_m = _farthest_m(best_m, by_marker(points_m, labels, len(self._torso)))
+                self._misplaced_m = max(self._misplaced_m, _misplaced_m(moved_m, cost - start.cost))
 
-    def moved_m(self, hypotheses: Sequence[PointHypothesis]) -> float:
-        """Return the farthest that other likely labels would move a marker of the best hypothesis, 0 without any."""
+    def misplaced_m(self, hypotheses: Sequence[PointHypothesis]) -> float:
+        """Return how far off the best labels are expected to place a marker, as other labels may be the right ones."""
         best_m = hypotheses[0].tracked.observation.points_m
-        likely = [each.tracked.observation.points_m for each in hypotheses[1:] if each.cost <= _S.start + _S.sure]
-        waiting = [each.moved_m for each in self._waiting if each.differs and each.cost <= _S.sure]
-        return max([self._moved_m, *waiting, *(_farthest_m(best_m, other_m) for other_m in likely)])
+        followed = (
+            _misplaced_m(_farthest_m(best_m, each.tracked.observation.points_m), each.cost - _S.start)
+            for each in hypotheses[1:]
+        )
+        waiting = (_misplaced_m(each.moved_m, each.cost) for each in self._waiting if each.differs)
+        return max([self._misplaced_m, *waiting, *followed])
 
     def step(
         self, hypotheses: Sequence[PointHypothesis], frame: MarkerFrame, elapsed_s: float, suspect: bool
@@ -116,15 +121,15 @@ class LabelAlternatives:
         """
         best = hypotheses[0]
         if best.lineage is not self._judged:
-            moved_m = np.inf if best.begun is NoteKind.RELABELLED else self._moved_m
+            misplaced_m = np.inf if best.begun is NoteKind.RELABELLED else self._misplaced_m
             self.judge_anew(best.lineage)
-            self._moved_m = moved_m
+            self._misplaced_m = misplaced_m
         self._confirm_refuted(hypotheses)
         if self._was_confident and not best.labeller.is_confident.any():
-            self._moved_m = np.inf  # after a cut, or hidden, a body may be another
+            self._misplaced_m = np.inf  # after a cut, or hidden, a body may be another
         calm = (
             not (suspect or self._waiting)
-            and self._moved_m == 0.0
+            and self._misplaced_m == 0.0
             and all(each.cost > _S.start + _S.sure for each in hypotheses[1:])
         )
         if calm:
@@ -180,7 +185,7 @@ class LabelAlternatives:
     def _alternatives(self, searched: _Searched) -> list[_Alternative]:
         """Return the labels that a search has found and that are to be followed; note how far others move markers."""
         found: list[_Alternative] = []
-        self._moved_m = 0.0
+        self._misplaced_m = 0.0
         for labels, found_cost in searched.search.labellings():
             other_m = by_marker(searched.search.points_m, labels, len(self._torso))
             differs, contradicts = _differences(searched, other_m)
@@ -189,7 +194,7 @@ class LabelAlternatives:
             if cost + _S.start <= _S.hopeless and (not differs or sum(each.differs for each in found) < _S.born):
                 found.append(other)
             elif cost <= _S.sure:
-                self._moved_m = max(self._moved_m, other.moved_m)
+                self._misplaced_m = max(self._misplaced_m, _misplaced_m(other.moved_m, cost))
         return found
 
     def _begin_next(self, searched: _Searched, best: PointHypothesis, frame: MarkerFrame) -> list[PointHypothesis]:
@@ -261,6 +266,11 @@ def _farthest_m(points_m: Array, others_m: Array) -> float:
     """Return the largest distance of the markers (M, 3) that both have; infinity for none."""
     apart_m = np.linalg.norm(points_m - others_m, axis=1)
     return float(np.nanmax(apart_m)) if np.isfinite(apart_m).any() else np.inf
+
+
+def _misplaced_m(moved_m: float, cost: float) -> float:
+    """Return the expected distance from the right place if labels with this cost, relative, move a marker so far."""
+    return moved_m / (1.0 + math.exp(cost)) if cost <= _S.sure else 0.0
 
 
 def _differences(searched: _Searched, other_m: Array) -> tuple[bool, bool]:

@@ -27,7 +27,6 @@ class OneCameraSettings:
     """Settings of `OneCameraLabels`; costs are negative log likelihoods, nats."""
 
     unlabelled: float = 6.0  # cost of an unlabelled blob
-    most_frame: float = 60.0  # cap on the cost of one frame, so that no outlier is decisive
     hopeless: float = 25.0  # cost above which a hypothesis is dropped
     start: float = 15.0  # initial cost of a hypothesis that starts from an example
     suspect: float = 0.6  # agreement below which labels are suspect, as they are with unlabelled blobs
@@ -97,7 +96,7 @@ class OneCameraLabels:
             labeller = last.labeller.after(points, labels, elapsed_s)
             markers_m = last.markers_m if solution is None else solution.markers_m
             cost = last.cost + _S.unlabelled * float(np.sum(labels < 0))
-            cost += min(self._solver.negative_log_likelihood(state), _S.most_frame)
+            cost += min(self._solver.negative_log_likelihood(state), SETTINGS.most_frame)
             tracked = Tracked.of(observation, solution)
             result.append(
                 OneCameraHypothesis(state, tracked, last.begun, cost, last.lineage, labeller, labels, markers_m)

@@ -23,7 +23,7 @@ from ..solver.pose_solver import PoseSolver
 from ..solver.solution import Solution
 from .body_examples import BodyExamples
 from .body_follower import BodyFollower
-from .hypotheses import Tracked
+from .hypotheses import SETTINGS, Tracked
 from .label_alternatives import HOPELESS, LabelAlternatives, PointHypothesis, by_marker
 from .tracking_quality import assess_fit, tracking_of
 
@@ -37,13 +37,11 @@ class PointSettings:
     # RMS distance of the markers from the solved body at which each located marker costs 0.5, and cap on this distance
     fit_m: float = 0.01
     unfit_m: float = 0.03
-    most_frame: float = 60.0  # cap on a frame's cost over that of the best hypothesis
     independent_s: float = 0.1  # time in which the costs of frames count as those of one frame
     suspect: float = 0.5  # agreement, relative to the share of located markers, below which labels are suspect
     strays: int = 2  # number of unlabelled points, with as many hidden markers, that makes labels suspect
-    torso: int = 2  # fewest located torso markers of labels that are not suspect
     uncertain: float = 0.3  # smallest factor by which uncertain labels scale a pose's confidence
-    misplaced_m: float = 0.1  # scale on which it falls with the largest distance from a marker with other labels
+    misplaced_m: float = 0.1  # scale on which it falls with the distance by which a marker is expected to be misplaced
 
 
 _S = PointSettings()
@@ -132,7 +130,7 @@ class PointLabels:
             followed.append(each)
         if len(followed) > 1:
             costs = np.array([self._cost(frame, each.tracked) for each in followed])
-            costs = np.minimum(costs - costs.min(), _S.most_frame) * min(elapsed_s / _S.independent_s, 1.0)
+            costs = np.minimum(costs - costs.min(), SETTINGS.most_frame) * min(elapsed_s / _S.independent_s, 1.0)
             for each, cost in zip(followed, costs.tolist(), strict=True):
                 each.cost += cost
         return followed
@@ -150,14 +148,14 @@ class PointLabels:
     def confidence(self, hypotheses: Sequence[PointHypothesis], frame: MarkerFrame) -> float:
         """Return the factor by which uncertain labels lower a pose's confidence.
 
-        The farther likely alternatives would move the markers, the lower the factor is: exchanging two adjacent markers
-        hardly changes a pose.
+        The farther from its right place a marker is expected to be, the lower the factor is: two adjacent markers that
+        may be exchanged hardly change a pose.
         """
         tracked = hypotheses[0].tracked
         if _strays(frame, tracked) >= _S.strays:
             return _S.uncertain
-        moved_m = self._alternatives.moved_m(hypotheses)
-        return float(_S.uncertain + (1.0 - _S.uncertain) * np.exp(-((moved_m / _S.misplaced_m) ** 2)))
+        misplaced_m = self._alternatives.misplaced_m(hypotheses)
+        return float(_S.uncertain + (1.0 - _S.uncertain) * np.exp(-((misplaced_m / _S.misplaced_m) ** 2)))
 
     def label_initially(self, points_m: Array) -> InitialLabels | None:
         """Return labels of points (N, 3) without history, or None if the points do not look like a body."""
@@ -183,7 +181,7 @@ class PointLabels:
         located = tracked.observation.located
         agreement = assess_fit(tracked.observation, solution, self._limits).agreement
         explained = agreement / max(float(np.mean(located)), 1e-3)
-        unseen = np.sum(located & self._torso) < _S.torso
+        unseen = np.sum(located & self._torso) < self._limits.torso_markers
         return bool(explained < _S.suspect or unseen or _strays(frame, tracked) >= _S.strays)
 
     def _cost(self, frame: MarkerFrame, tracked: Tracked) -> float:

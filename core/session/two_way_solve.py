@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..body.body_parts import PART_JOINTS, PARTS
-from ..body.clock import Clock, clock_of
+from ..body.clock import PAUSE_S, Clock, clock_of
 from ..body.motion import Motion
 from ..body.pose_notes import NoteKind, PoseNote
 from ..body.scene_pose import PerformerPose
@@ -38,7 +38,6 @@ from .leaving_markers import leaves_body
 from .part_errors import PartErrors
 
 _SHORTEST = 12  # length of the shortest stretch that is solved again, frames
-_PAUSE_S = 0.25  # time without a pose after which a new motion begins
 _CUT_M_S = 9.0  # median speed of the markers above which there is a cut: bodies are slower
 _WEIGHT_POWER = 4.0  # power of the expected error by which a trajectory's weight is divided
 _WEIGHT_S = 0.25  # standard deviation of the Gaussian window in which these errors are averaged
@@ -47,7 +46,7 @@ _SMOOTH_HZ = 8.0  # cut-off for the averaged trajectories
 # Highest cut-off for the fitted poses, which still contain marker noise, as a share of the frame rate.
 _CALM_SHARE = 0.27
 _CALM_STEP_HZ = 0.25  # step between the cut-offs that are tried
-_REPORT_EVERY = 30  # frames between two reports of progress
+REPORT_EVERY = 30  # frames between two reports of progress
 _TOGETHER = 128  # number of frames for which priors or fits are computed at once
 _TORSO = list(PARTS).index("torso")  # index of the part that contains the root
 
@@ -263,7 +262,7 @@ def _begins(before: PerformerPose, pose: PerformerPose) -> bool:
     moved_m = np.linalg.norm(pose.observed_m - before.observed_m, axis=1)
     moved_m = moved_m[np.isfinite(moved_m)]
     is_cut = len(moved_m) > 0 and float(np.median(moved_m)) > _CUT_M_S * passed_s
-    return bool(not 0.0 < passed_s < _PAUSE_S or is_cut)
+    return bool(not 0.0 < passed_s < PAUSE_S or is_cut)
 
 
 def _live_trajectory(poses: Sequence[PerformerPose]) -> _Trajectory:
@@ -304,7 +303,7 @@ def _trajectory(
     times_s = np.array([pose.time_s for pose in poses])
     learned: dict[int, PriorEstimate | None] = {}  # learned priors of the frames to come
     for done, index in enumerate(order):
-        if done % _REPORT_EVERY == 0:
+        if done % REPORT_EVERY == 0:
             progress(done / len(poses))
         if index not in learned:
             # priors are computed forwards in time, because the network was trained on forward motion

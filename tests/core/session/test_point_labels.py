@@ -28,7 +28,7 @@ def alternatives() -> LabelAlternatives:
     """Return alternatives of which the last search has found none; no body is needed to tell how certain labels are."""
     solver: Any = SimpleNamespace(subject=SimpleNamespace(torso=np.ones(4, dtype=bool)))
     found = LabelAlternatives(solver, None, 0.0)  # type: ignore[arg-type]
-    found._moved_m = 0.0
+    found._misplaced_m = 0.0
     return found
 
 
@@ -51,15 +51,19 @@ def frame_of(points_m: np.ndarray) -> MarkerFrame:
     return MarkerFrame(0, 0.0, points_m=points_m, covariances_m2=np.zeros((len(points_m), 3, 3)))
 
 
-@pytest.mark.parametrize(("apart_m", "least", "most"), [(0.02, 0.9, 0.999), (0.4, 0.3, 0.32)])
-def test_uncertain_labels_lower_the_confidence_by_how_far_others_move_the_markers(apart_m, least, most):
-    """Labels that are as likely for two neighbours matter less than for the two hands."""
+@pytest.mark.parametrize(
+    ("apart_m", "cost", "least", "most"),
+    [(0.02, 0.0, 0.9, 0.999), (0.4, 0.0, 0.3, 0.32), (0.4, 1.0, 0.4, 0.7), (0.4, AlternativeSettings.sure, 0.8, 0.9)],
+)
+def test_uncertain_labels_lower_the_confidence_by_how_far_and_how_likely_others_move_the_markers(
+    apart_m, cost, least, most
+):
+    """Labels that are as likely for two neighbours matter less than for the two hands, and less likely ones, too."""
     points_m = POINTS_M * [apart_m / 0.4, 1.0, 1.0]
     best, other = (Observation.of_points(points_m[order]) for order in (np.arange(4), EXCHANGED))
-    refuted = AlternativeSettings.start + AlternativeSettings.sure
-    unsure = [hypothesis(best), hypothesis(other, refuted)]
+    unsure = [hypothesis(best), hypothesis(other, AlternativeSettings.start + cost)]
     assert least < certain().confidence(unsure, frame_of(points_m)) < most
-    sure = [hypothesis(best), hypothesis(other, refuted + 0.1)]
+    sure = [hypothesis(best), hypothesis(other, AlternativeSettings.start + AlternativeSettings.sure + 0.1)]
     assert certain().confidence(sure, frame_of(points_m)) == 1.0
 
 
