@@ -164,7 +164,7 @@ def coverage(cases: Sequence[Expected], names: Sequence[str]) -> dict[str, Any]:
         frames, parts, joints, by_part and by_joint (the share for each name).
     """
     parts, joints = (np.concatenate([getattr(case, name) for case in cases]) for name in ("parts", "joints"))
-    shares = {"frames": len(parts), "parts": share_within(parts), "joints": share_within(joints)}
+    shares: dict[str, Any] = {"frames": len(parts), "parts": share_within(parts), "joints": share_within(joints)}
     for kind, columns, of in (("by_part", parts, PARTS), ("by_joint", joints, names)):
         shares[kind] = {name: share_within(column) for name, column in zip(of, columns.T, strict=True)}
     return shares
