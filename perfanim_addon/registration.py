@@ -1,7 +1,7 @@
 """Registration in two steps.
 
 Preferences and diagnostics come first and need only Blender and the standard library; the rest needs numpy and the
-bundled scipy. If the rest fails, the first step remains, and the sidebar shows the error.
+bundled OpenCV. If the rest fails, the first step remains, and the sidebar shows the error.
 """
 
 import traceback
@@ -45,7 +45,7 @@ _PANELS = (  # in the order of the sidebar
 
 def _other_modules() -> Sequence[ModuleType]:
     """Import the other modules, in the order of registration."""
-    import scipy  # noqa: F401  # a broken wheel fails here, before anything is registered
+    import cv2  # noqa: F401  # a broken wheel fails here, before anything is registered
 
     from . import operators, settings
     from .character import bone_map_settings

@@ -1,11 +1,11 @@
 """Build the extension's archives: add-on and unmodified wheels.
 
     python tools/build_extension.py --out dist
-    python tools/build_extension.py --python 3.13 --platform linux-x64 --out dist
+    python tools/build_extension.py --platform linux-x64 --out dist
 
-One archive is built per Python and platform, by default all: scipy has a wheel for every Python, and Blender 4.2 takes
-the wrong one if a manifest lists two. numpy is never included: Blender has its own, and an extension's copy would
-replace it for everyone. With --blender PROGRAM, Blender's own `extension validate` checks the archives.
+One archive is built per platform, by default all; it serves every Python, because no wheel in it is bound to one.
+numpy is never included: Blender has its own, and an extension's copy would replace it for everyone. With --blender
+PROGRAM, Blender's own `extension validate` checks the archives.
 """
 
 import argparse
@@ -29,8 +29,7 @@ REQUIREMENTS = tuple(
     line for line in (ROOT / "tools" / "wheels.txt").read_text(encoding="utf-8").split("\n") if "==" in line
 )
 
-# Python -> the first Blender version that has it, and the first that no longer does.
-BLENDERS: dict[str, tuple[str, str | None]] = {"3.11": ("4.2.0", "5.1.0"), "3.13": ("5.1.0", None)}
+_OLDEST_PYTHON = 11  # of Blender 4.2: 3.11
 
 # Blender's name of a platform -> pip's names, most preferred first: for macOS the oldest.
 PLATFORMS = {
@@ -44,44 +43,34 @@ PLATFORMS = {
 def main() -> int:
     """Build the chosen archives; return the exit status."""
     options = _parse()
-    for python in options.python or BLENDERS:
-        for platform in options.platform or PLATFORMS:
-            wheels = download_wheels(python, platform, options.wheels)
-            target = build(python, platform, wheels, options.out, options.system_python)
-            if options.blender:
-                validate(options.blender, target)
-            sys.stdout.write(f"{target}\n")
+    for platform in options.platform or PLATFORMS:
+        target = build(platform, download_wheels(platform, options.wheels), options.out)
+        if options.blender:
+            validate(options.blender, target)
+        sys.stdout.write(f"{target}\n")
     return 0
 
 
 def _parse() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--python", action="append", help=f"Python of the Blender (default {', '.join(BLENDERS)})")
     parser.add_argument("--platform", action="append", choices=PLATFORMS, help="Blender's platform (default all)")
     parser.add_argument("--out", type=Path, default=ROOT / "dist", help="folder for the archives")
     parser.add_argument("--wheels", type=Path, help="folder that keeps downloaded wheels (default OUT/wheels)")
-    parser.add_argument(
-        "--system-python",
-        action="store_true",
-        help="for the Blender of a Linux distribution that has another Python than this Blender usually has",
-    )
     parser.add_argument("--blender", help="command of a Blender that checks the archives")
     options = parser.parse_args()
     options.wheels = options.wheels or options.out / "wheels"
     return options
 
 
-def download_wheels(python: str, platform: str, folder: Path) -> list[Path]:
-    """Return the wheels for a Python version ("3.13") and a platform.
-
-    Missing ones are fetched into `folder` by pip.
-    """
-    folder = folder / f"{python}-{platform}"
+def download_wheels(platform: str, folder: Path) -> list[Path]:
+    """Return the wheels for a platform; missing ones are fetched into `folder` by pip."""
+    folder = folder / platform
     folder.mkdir(parents=True, exist_ok=True)
     found = [_wheel(folder, requirement) for requirement in REQUIREMENTS]
     if not all(found):
         command = [sys.executable, "-m", "pip", "download", "--quiet", "--disable-pip-version-check"]
-        command += ["--only-binary=:all:", "--no-deps", "--python-version", python, "--dest", str(folder)]
+        command += ["--only-binary=:all:", "--no-deps", "--python-version", f"3.{_OLDEST_PYTHON}"]
+        command += ["--dest", str(folder)]
         for name in PLATFORMS[platform]:
             command += ["--platform", name]
         subprocess.run([*command, *REQUIREMENTS], check=True)
@@ -94,25 +83,23 @@ def _wheel(folder: Path, requirement: str) -> Path | None:
     return next(iter(sorted(folder.glob(f"{name.replace('-', '_')}-{version}-*.whl"))), None)
 
 
-def build(python: str, platform: str, wheels: list[Path], out: Path, system_python: bool = False) -> Path:
+def build(platform: str, wheels: list[Path], out: Path) -> Path:
     """Write the archive and return its path.
 
     Raises:
-        ValueError: A wheel is for another Python or platform.
+        ValueError: A wheel is for another platform, or bound to one version of Python.
     """
     for wheel in wheels:
-        if not fits(wheel.name, python, platform):
-            raise ValueError(f"{wheel.name} is not for Python {python} on {platform}")
+        if not fits(wheel.name, platform):
+            raise ValueError(f"{wheel.name} is not for every Python on {platform}")
     text = (ROOT / "blender_manifest.toml").read_text(encoding="utf-8")
     manifest = tomllib.loads(text)
     out.mkdir(parents=True, exist_ok=True)
-    tag = f"py{python.replace('.', '')}-{platform}{'-system' if system_python else ''}"
-    target = out / f"{manifest['id']}-{manifest['version']}-{tag}.zip"
-    versions = (manifest["blender_version_min"], None) if system_python else BLENDERS[python]
+    target = out / f"{manifest['id']}-{manifest['version']}-{platform}.zip"
     with tempfile.TemporaryDirectory(dir=out) as folder:
         temporary = Path(folder) / target.name
         with zipfile.ZipFile(temporary, "w", zipfile.ZIP_DEFLATED) as archive:
-            archive.writestr("blender_manifest.toml", manifest_text(text, versions, platform, wheels))
+            archive.writestr("blender_manifest.toml", manifest_text(text, platform, wheels))
             for path in content(manifest["build"]["paths_exclude_pattern"]):
                 if path.parent == KERNELS and platform not in path.name:
                     continue  # the kernel of another platform
@@ -125,27 +112,22 @@ def build(python: str, platform: str, wheels: list[Path], out: Path, system_pyth
     return target
 
 
-def fits(wheel: str, python: str, platform: str) -> bool:
-    """Return whether a wheel with this file name can be used by a Python version on a platform."""
+def fits(wheel: str, platform: str) -> bool:
+    """Return whether a wheel with this file name can be used by every Python of Blender on a platform."""
     _, pythons, abi, platforms = wheel.removesuffix(".whl").rsplit("-", 3)
     if abi == "none" and platforms == "any":
         return "py3" in pythons.split(".")
-    minor = int(python.partition(".")[2])
-    right = int(pythons.removeprefix("cp3")) <= minor if abi == "abi3" else pythons == abi == f"cp3{minor}"
-    return right and not set(platforms.split(".")).isdisjoint(PLATFORMS[platform])
+    is_stable = abi == "abi3" and int(pythons.removeprefix("cp3")) <= _OLDEST_PYTHON
+    return is_stable and not set(platforms.split(".")).isdisjoint(PLATFORMS[platform])
 
 
-def manifest_text(text: str, versions: tuple[str, str | None], platform: str, wheels: list[Path]) -> str:
-    """Return the manifest's text with Blender's versions [from, to), platform and wheels."""
-    first, beyond = versions
-    lines = [f'blender_version_min = "{first}"']
-    lines += [f'blender_version_max = "{beyond}"'] if beyond else []
-    lines += ["platforms = [" + f'"{platform}"' + "]", "wheels = ["]
+def manifest_text(text: str, platform: str, wheels: list[Path]) -> str:
+    """Return the manifest's text with platform and wheels."""
+    lines = [f'platforms = ["{platform}"]', "wheels = ["]
     lines += [f'  "./wheels/{wheel.name}",' for wheel in wheels]
     head, table, tail = text.partition("[permissions]")
     if not table:
         raise ValueError("blender_manifest.toml has no [permissions] table")
-    head = "".join(line for line in head.splitlines(keepends=True) if not line.startswith("blender_version_min"))
     tail = tail.partition("[build]")[0]  # this table only concerns building
     return head + "\n".join([*lines, "]"]) + "\n\n" + table + tail.rstrip() + "\n"
 

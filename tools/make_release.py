@@ -15,7 +15,7 @@ import zipfile
 from collections import Counter
 from pathlib import Path
 
-from build_extension import BLENDERS, PLATFORMS, ROOT, build, download_wheels
+from build_extension import PLATFORMS, ROOT, build, download_wheels
 from perfanim.core import __version__
 
 CHECKSUMS, NOTES = "SHA256SUMS", "release-notes.md"
@@ -74,10 +74,7 @@ def make_release(out: Path, wheels: Path) -> list[Path]:
     out.mkdir(parents=True, exist_ok=True)
     for old in (*out.glob("*.zip"), out / CHECKSUMS, out / NOTES):
         old.unlink(missing_ok=True)
-    archives = []
-    for python in BLENDERS:
-        for platform in PLATFORMS:
-            archives.append(build(python, platform, download_wheels(python, platform, wheels), out))
+    archives = [build(platform, download_wheels(platform, wheels), out) for platform in PLATFORMS]
     lines = [f"{hashlib.sha256(archive.read_bytes()).hexdigest()}  {archive.name}\n" for archive in archives]
     (out / CHECKSUMS).write_text("".join(lines), encoding="utf-8")
     (out / NOTES).write_text(notes, encoding="utf-8")

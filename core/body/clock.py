@@ -15,6 +15,7 @@ import numpy as np
 from ..errors import TakeError
 from ..geometry import rotations as rot
 from ..geometry.arrays import Array, IntArray, Mask, runs
+from ..geometry.cubic_curves import hermite
 from .motion import LEAST_FPS, MOST_FPS, Motion
 from .skeleton import Skeleton
 
@@ -320,21 +321,9 @@ def _between(times_s: Array, values: Array, wanted_s: Array, is_rotation: bool) 
             found[long] = start + part * (end - start)
     if len(short):
         smooth = rot.continuous(values) if is_rotation else values
-        curve = _hermite(times_s, smooth, before[short], wanted_s[short])
+        curve = hermite(times_s, smooth, np.gradient(smooth, times_s, axis=0), wanted_s[short])
         found[short] = rot.normalize(curve) if is_rotation else curve
     return found
-
-
-def _hermite(times_s: Array, values: Array, before: IntArray, wanted_s: Array) -> Array:
-    """Return values (F, ...) at wanted times (N,) after the frames `before` (N,), by a cubic Hermite spline."""
-    slopes = np.gradient(values, times_s, axis=0)
-    each = len(before), *[1] * (values.ndim - 1)
-    step_s = (times_s[before + 1] - times_s[before]).reshape(each)
-    share = (wanted_s - times_s[before]).reshape(each) / step_s
-    start, rise = values[before], values[before + 1] - values[before]
-    first, last = step_s * slopes[before], step_s * slopes[before + 1]
-    bend = 3.0 * rise - 2.0 * first - last + share * (first + last - 2.0 * rise)
-    return np.asarray(start + share * (first + share * bend))
 
 
 def _order_notes(clock: Clock) -> list[ClockNote]:

@@ -7,7 +7,6 @@ without a turn, and its end is blended with what leads to its start.
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.spatial.distance import cdist
 
 from ..errors import SettingsError
 from ..geometry import rotations as rot
@@ -74,12 +73,14 @@ def _cycle(motion: Motion, lead: int) -> tuple[int, int]:
         raise SettingsError("the motion is too short for a cycle", advice="choose at least two steps of each foot")
     speeds = np.gradient(own, axis=0) * motion.fps
     features = np.concatenate((own, _SETTINGS.speed_s * speeds), axis=-1).reshape(motion.frames, -1)
-    apart = cdist(features, features) / np.sqrt(positions.shape[1])
-    length = np.subtract.outer(np.arange(motion.frames), np.arange(motion.frames)).T
+    apart = np.full((motion.frames, motion.frames), np.inf)  # of each first and last frame
+    for length in range(shortest, min(longest, motion.frames - 1) + 1):
+        distances = np.linalg.norm(features[length:] - features[:-length], axis=1)
+        np.fill_diagonal(apart[:, length:], distances / np.sqrt(positions.shape[1]))
     steps = own[:, [motion.skeleton.index(side + "toes") for side in "lr"], 2]
     moved = np.array([[np.ptp(steps[row : row + shortest], axis=0).min()] for row in range(motion.frames)])
-    usable = (length >= shortest) & (length <= longest) & (np.arange(motion.frames)[:, None] >= lead)
-    apart = np.where(usable & (moved > _SETTINGS.least_step_m), apart, np.inf)
+    usable = (np.arange(motion.frames)[:, None] >= lead) & (moved > _SETTINGS.least_step_m)
+    apart = np.where(usable, apart, np.inf)
     start, stop = np.unravel_index(int(np.argmin(apart)), apart.shape)
     if not apart[start, stop] < _SETTINGS.alike_m:
         raise SettingsError("no two moments of the motion are alike", advice="choose a part with steady steps")

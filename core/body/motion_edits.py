@@ -3,7 +3,6 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.ndimage import gaussian_filter1d
 
 from ..errors import SettingsError
 from ..geometry import rotations as rot
@@ -13,6 +12,7 @@ from .motion import Motion
 from .moved_feet import smooth_step
 from .seams import about_vertical, heading
 from .skeleton import forward_kinematics
+from .window_filters import gaussian
 
 
 @dataclass(frozen=True)
@@ -74,12 +74,11 @@ def smoothed(motion: Motion, first: int, last: int, smoothing_s: float) -> Motio
     ease = max(sigma, 1.0)
     share = smooth_step(np.minimum(at - first + ease, last + ease - at) / ease)[:, None]
     flat = rot.continuous(motion.rotations).reshape(motion.frames, -1)
-    turned = gaussian_filter1d(flat, sigma, axis=0, mode="nearest").reshape(motion.rotations.shape)
-    moved = gaussian_filter1d(motion.root_positions_m, sigma, axis=0, mode="nearest")
+    turned = gaussian(flat, sigma).reshape(motion.rotations.shape)
+    moved = gaussian(motion.root_positions_m, sigma)
     rotations = rot.slerp(motion.rotations, rot.normalize(turned), share)
-    return replace(
-        motion, rotations=rotations, root_positions_m=motion.root_positions_m * (1.0 - share) + moved * share
-    )
+    roots_m = motion.root_positions_m + share * (moved - motion.root_positions_m)
+    return replace(motion, rotations=rotations, root_positions_m=roots_m)
 
 
 def without_pop(motion: Motion, first: int, last: int) -> Motion:

@@ -4,7 +4,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from scipy.ndimage import minimum_filter1d
 
 from ..errors import FormatError
 from ..geometry import rotations as rot
@@ -15,6 +14,7 @@ from .joint_angle_frames import with_angle_frames
 from .motion import Motion, resampled, sliced
 from .skeleton import Skeleton, forward_kinematics, joint_angles
 from .standard_skeleton import JOINT_NAMES
+from .window_filters import smallest
 
 _FOOT_JOINTS = ("ltoes", "rtoes")
 _MAIN_JOINTS = {
@@ -264,7 +264,7 @@ def _foot_skate(truth: Motion, estimated: Array, true: Array) -> tuple[float, fl
         return float("nan"), float("nan")
     velocity = np.diff(true[:, feet], axis=0) * truth.fps
     height = 0.5 * (true[1:, feet, 1] + true[:-1, feet, 1])
-    lowest = minimum_filter1d(height, 2 * round(truth.fps) + 1, axis=0, mode="nearest")
+    lowest = smallest(height, round(truth.fps))
     low = height < lowest + CONTACT.height_m
     contact = low & (np.linalg.norm(velocity, axis=-1) < CONTACT.speed_m_s)
     if not np.any(contact):

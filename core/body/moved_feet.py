@@ -12,6 +12,7 @@ from .motion import Motion
 from .skeleton import Skeleton, forward_kinematics
 from .soles import sole_heights_m
 from .standing_feet import balls_m, planted_feet
+from .window_filters import frames_to, gaussian, largest
 
 
 @dataclass(frozen=True)
@@ -48,11 +49,7 @@ def eased_around(values: Array, known: Mask, fps: float) -> Array:
         return np.zeros_like(values)
     flat = values.reshape(len(values), -1)
     held = np.stack([np.interp(frames, at, column[at]) for column in flat.T], axis=1).reshape(values.shape)
-    after = np.searchsorted(at, frames)
-    away = np.minimum(
-        np.abs(frames - at[np.maximum(after - 1, 0)]), np.abs(frames - at[np.minimum(after, len(at) - 1)])
-    )
-    fade = smooth_step(1.0 - away / max(FEET_SETTINGS.fade_s * fps, 1.0))
+    fade = smooth_step(1.0 - frames_to(known) / max(FEET_SETTINGS.fade_s * fps, 1.0))
     return held * fade.reshape(-1, *(1,) * (values.ndim - 1))
 
 
@@ -86,10 +83,8 @@ def with_moved_feet(motion: Motion, offsets_m: Array) -> Motion:
     moved, missed = _bent(motion, offsets_m)
     if missed.max() < 1e-4:
         return moved
-    from scipy.ndimage import gaussian_filter1d, maximum_filter1d  # slow to load; live feet need the legs alone
-
     frames = max(1, round(FEET_SETTINGS.fade_s * motion.fps))
-    lower = gaussian_filter1d(maximum_filter1d(missed, 2 * frames + 1), 0.5 * frames, mode="nearest")
+    lower = gaussian(largest(missed, frames), 0.5 * frames)
     down = lower[:, None] * [0.0, 1.0, 0.0]
     return _bent(replace(motion, root_positions_m=motion.root_positions_m - down), offsets_m + down[:, None])[0]
 

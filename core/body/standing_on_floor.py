@@ -9,12 +9,12 @@ is: it rolls off, or runs on a treadmill.
 from dataclasses import replace
 
 import numpy as np
-from scipy.ndimage import gaussian_filter1d
 
 from ..geometry.arrays import Array, Mask
 from .motion import Motion
 from .moved_feet import eased_around, floor_height_m, sole_heights, with_moved_feet
 from .standing_feet import planted_feet
+from .window_filters import gaussian
 
 _TOUCHES_M = 0.025  # height of the lower sole up to which it is on the floor
 _FEET_S = 0.012  # standard deviation in time of the smoothing of the feet's correction
@@ -33,8 +33,8 @@ def on_floor(motion: Motion, floor_m: float | None = None) -> Motion:
     lower = heights == heights.min(axis=1, keepdims=True)
     planted = planted_feet(moved, 0.0) | lower & (np.abs(heights) < _TOUCHES_M)
     raised = np.stack([eased_around(-heights[:, foot], planted[:, foot], motion.fps) for foot in range(2)], axis=1)
-    raised = gaussian_filter1d(np.maximum(raised, -heights), _FEET_S * motion.fps, axis=0, mode="nearest")
-    hips = gaussian_filter1d(_supported(raised, planted), _HIPS_S * motion.fps, mode="nearest")[:, None]
+    raised = gaussian(np.maximum(raised, -heights), _FEET_S * motion.fps)
+    hips = gaussian(_supported(raised, planted), _HIPS_S * motion.fps)[:, None]
     up = np.array([0.0, 1.0, 0.0])
     lifted = replace(moved, root_positions_m=moved.root_positions_m + hips * up)
     return with_moved_feet(lifted, (raised - hips)[..., None] * up)

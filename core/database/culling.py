@@ -2,14 +2,12 @@
 
 A frame is a near-duplicate if its pose and the pose `ahead_s` later are both close to those of a frame kept from an
 earlier clip; the later pose tells directions of motion apart. Short passages are kept, and so are margins around new
-motion, so that velocities can be computed there. Each frame is compared only with its nearest few in
-principal-component space; duplicates that this misses are kept.
+motion, so that velocities can be computed there.
 """
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -30,10 +28,8 @@ class CullSettings:
     shortest_s: float = 0.25  # shortest passage that is left out
     margin_s: float = 0.1  # time kept on both sides of new motion
     compared_per_s: float = 20.0  # frames compared per second; each decides for the frames up to the next one
-    components: int = 12  # number of principal components
-    candidates: int = 4  # nearest frames in principal-component space that are compared
-    samples: int = 20_000  # frames used to compute the components
-    tree: int = 4096  # fewest frames for which a search tree is faster than comparing with all of them
+    samples: int = 20_000  # frames used to compute the first principal component
+    together: int = 64  # frames compared at once
 
 
 SETTINGS = CullSettings()
@@ -48,8 +44,6 @@ def near_duplicates(poses: FloatArray, clips: Sequence[Clip], fps: float, distan
         distance_deg: RMS difference of the joint angles below which two poses count as equal, degrees.
     """
     duplicate = np.zeros(len(poses), dtype=np.bool_)
-    from scipy.ndimage import binary_erosion, binary_opening  # live capture, which opens databases, does without SciPy
-
     stride = max(1, round(fps / SETTINGS.compared_per_s))
     ahead, margin = round(SETTINGS.ahead_s * fps), round(SETTINGS.margin_s * fps)
     shortest = max(1, math.ceil(SETTINGS.shortest_s * fps))
@@ -63,61 +57,76 @@ def near_duplicates(poses: FloatArray, clips: Sequence[Clip], fps: float, distan
         known[: len(frames) * stride] = np.repeat(kept.holds(features), stride)[: len(known)]
         # the last frames have no later pose, so the last compared frame decides for them
         known[len(frames) * stride :] = known[len(frames) * stride - 1]
-        culled = binary_erosion(known, np.ones(2 * margin + 1), border_value=1)
-        culled = binary_opening(culled, np.ones(shortest))  # shorter passages are kept
-        duplicate[clip.start : clip.stop] = culled
-        kept.add(features[~culled[frames - clip.start]])
+        for start, stop in runs(known):
+            first = clip.start + (start + margin if start > 0 else 0)
+            last = clip.start + (stop - margin if stop < len(known) else stop)
+            duplicate[first:last] = last - first >= shortest
+        kept.add(features[~duplicate[frames]])
     return duplicate
 
 
+@dataclass(frozen=True)
+class _Part:
+    """Frames in the order of their place along an axis."""
+
+    places: FloatArray  # (n,)
+    features: FloatArray  # (n, 2 D)
+    squares: FloatArray  # (n,) squared lengths of the features
+
+
 class _Kept:
-    """Frames kept so far, in search trees of doubling size."""
+    """Frames kept so far, in parts of doubling size.
+
+    Frames nearer than the radius are nearer along each axis, too. Only those are compared, along the first principal
+    axis of the poses.
+    """
 
     def __init__(self, poses: FloatArray, ahead: int, radius: float) -> None:
         self._poses = poses
         self._ahead = ahead
         self._radius = radius
         sample = poses[:: max(1, len(poses) // SETTINGS.samples)].astype(np.float64)
-        self._middle = sample.mean(axis=0).astype(np.float32)
-        _, _, axes = np.linalg.svd(sample - self._middle, full_matrices=False)
-        self._axes = axes[: SETTINGS.components].T.astype(np.float32)
-        self._parts: list[tuple[Any, FloatArray]] = []
+        _, _, axes = np.linalg.svd(sample - sample.mean(axis=0), full_matrices=False)
+        self._axis = (np.tile(axes[0], 2) / np.sqrt(2.0)).astype(np.float32)
+        self._parts: list[_Part] = []
 
     def features(self, frames: IntArray) -> FloatArray:
         """Return each frame's pose, joined with the pose `ahead_s` later (n, 2 D)."""
         return np.concatenate((self._poses[frames], self._poses[frames + self._ahead]), axis=1)
 
-    def _components(self, features: FloatArray) -> FloatArray:
-        halves = features.reshape(len(features), 2, -1) - self._middle
-        return (halves @ self._axes).reshape(len(features), -1)
+    def _part(self, features: FloatArray) -> _Part:
+        places = features @ self._axis
+        order = np.argsort(places)
+        ordered = features[order]
+        return _Part(places[order], ordered, np.sum(ordered**2, axis=1))
 
     def holds(self, features: FloatArray) -> Mask:
         """Return a mask (n,) of the features within the radius of a kept frame's features."""
         result = np.zeros(len(features), dtype=np.bool_)
-        components = self._components(features)
-        for tree, points in self._parts:
-            open_rows = np.flatnonzero(~result)
-            if tree is None:
-                mine, theirs = features[open_rows], points
-                squared = np.sum(mine**2, axis=1)[:, None] - 2.0 * (mine @ theirs.T) + np.sum(theirs**2, axis=1)
-                result[open_rows] = np.any(squared < self._radius**2, axis=1)
-                continue
-            _, found = tree.query(components[open_rows], k=SETTINGS.candidates, distance_upper_bound=self._radius)
-            candidates = np.minimum(found, len(points) - 1)
-            apart = np.linalg.norm(points[candidates] - features[open_rows][:, None], axis=-1)
-            result[open_rows] = np.any((found < len(points)) & (apart < self._radius), axis=1)
+        places = features @ self._axis
+        order = np.argsort(places)
+        for part in self._parts:
+            open_rows = order[~result[order]]
+            for first in range(0, len(open_rows), SETTINGS.together):
+                rows = open_rows[first : first + SETTINGS.together]
+                result[rows] = self._near(features[rows], places[rows], part)
         return result
 
-    def add(self, features: FloatArray) -> None:
-        from scipy.spatial import cKDTree
+    def _near(self, features: FloatArray, places: FloatArray, part: _Part) -> Mask:
+        """Return a mask (n,) of the features (n, 2 D), in the order of their places, near any of a part."""
+        edges = np.array([places[0] - self._radius, places[-1] + self._radius], dtype=np.float32)
+        near = slice(*np.searchsorted(part.places, edges))
+        products = features @ part.features[near].T
+        squared = np.sum(features**2, axis=1)[:, None] - 2.0 * products + part.squares[near]
+        return np.any(squared < self._radius**2, axis=1)
 
+    def add(self, features: FloatArray) -> None:
         if len(features) == 0:
             return
-        # merging with trees that are no larger keeps the number of trees small
-        while self._parts and len(self._parts[-1][1]) <= len(features):
-            features = np.concatenate((self._parts.pop()[1], features))
-        tree = cKDTree(self._components(features)) if len(features) >= SETTINGS.tree else None
-        self._parts.append((tree, features))
+        # merging with parts that are no larger keeps their number small
+        while self._parts and len(self._parts[-1].features) <= len(features):
+            features = np.concatenate((self._parts.pop().features, features))
+        self._parts.append(self._part(features))
 
 
 def clips_after_culling(clips: Sequence[Clip], culled: Mask, fps: float) -> list[Clip]:

@@ -6,10 +6,12 @@ model predicts a point, the more weight it has, so a point at rest is held still
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
+from ..kernel.library import address, checked, contiguous, function, stage
 from .arrays import Array, Mask
 
 _POWERS, _DIVISORS = np.array([[5, 4, 3], [4, 3, 2], [3, 2, 1]]), np.array([[20, 8, 6], [8, 3, 2], [6, 2, 1]])
@@ -51,32 +53,31 @@ class MotionModels:
     pause_s: float = 0.25  # time without measurement after which a point is re-initialised
     jump_sigmas: float = 8.0  # the same distance in standard deviations, which must also be exceeded
 
+    @cached_property
+    def densities(self) -> Array:
+        """Spectral densities (K,) of the jerk, which is white noise, unit^2 / s^5."""
+        return np.square(self.changes) * 60.0**5
+
 
 class MultipleModelFilter:
     """Filter for N points in space, frame by frame."""
 
     def __init__(self, kind: MotionModels, points: int) -> None:
         self._kind = kind
-        self._densities = (
-            np.square(kind.changes) * 60.0**5
-        )  # spectral densities (K,) of the jerk, which is white noise, unit^2 / s^5
         self._seen_s = np.full(points, -np.inf)
         self._time_s = 0.0
-        models = len(self._densities)
-        self._weights = np.full((points, models), 1.0 / models)
-        self._hold(np.zeros((points, models, 18)))
+        models = len(kind.changes)
+        self._hold(np.full((points, models), 1.0 / models), np.zeros((points, models, 18)))
 
-    def _hold(self, rows: Array) -> None:
-        """Store the state (N, K, 9 + 9): position, velocity and acceleration by axis, and their shared covariance."""
-        self._states, self._covariances = (
-            part.reshape(*rows.shape[:2], 3, 3) for part in (rows[..., :9], rows[..., 9:])
-        )
-        self._rows = rows
+    def _hold(self, weights: Array, rows: Array) -> None:
+        """Store the models' weights (N, K) and rows (N, K, 9 + 9): see `_parts`."""
+        self._weights, self._rows = weights, rows
+        self._states, self._covariances = _parts(rows)
 
     def __setstate__(self, values: dict[str, Any]) -> None:
         """Restore a copy, in which states and covariances are views of the same rows again."""
         self.__dict__.update(values)
-        self._hold(self._rows)
+        self._hold(self._weights, self._rows)
 
     @property
     def followed(self) -> Mask:
@@ -89,7 +90,8 @@ class MultipleModelFilter:
 
     def predict(self, time_s: float) -> None:
         """Predict the points at a later time."""
-        self._move(min(max(time_s - self._time_s, 0.0), self._kind.pause_s))
+        elapsed_s = min(max(time_s - self._time_s, 0.0), self._kind.pause_s)
+        self._hold(*predicted(self._weights, self._rows, elapsed_s, self._kind))
         self._time_s = time_s
 
     def observe(self, points: Array, noise: Array) -> Mask:
@@ -103,35 +105,19 @@ class MultipleModelFilter:
             Mask (N,) of the points that were not re-initialised.
         """
         sigmas = np.maximum(noise, self._kind.least_sigma)
-        located = np.isfinite(points[:, 0])
-        innovations, variances, squares, unlikely = self._innovations(points, sigmas)
-        known = self.followed & located & ~self._far(squares, unlikely)
-        # slices are faster than masks
-        self._update(slice(None) if known.all() else known, innovations, variances, unlikely)
-        if (new := located & ~known).any():
-            self._start(new, points, sigmas)
-        self._seen_s[located] = self._time_s
+        weights, rows, known = corrected(self._weights, self._rows, self.followed, points, sigmas, self._kind)
+        self._hold(weights, rows)
+        self._seen_s[np.isfinite(points[:, 0])] = self._time_s
         return known
 
     def log_likelihoods(self, points: Array, noise: Array) -> Array:
         """Return the log densities (N,) of measurements, per unit of volume; NaN for points without a measurement."""
-        _, variances, _, unlikely = self._innovations(points, np.maximum(noise, self._kind.least_sigma))
+        sigmas = np.maximum(noise, self._kind.least_sigma)
+        _, variances, _, unlikely = _innovations(self._states, self._covariances, points, sigmas)
         logs = np.log(np.maximum(self._weights, 1e-300)) - 1.5 * np.log(2.0 * np.pi * variances) - 0.5 * unlikely
         most = np.maximum.reduce(logs, axis=1)
         found = most + np.log(np.add.reduce(np.exp(logs - most[:, None]), axis=1))
         return np.where(np.isfinite(points[:, 0]), found, np.nan)
-
-    def _innovations(self, points: Array, sigmas: Array) -> tuple[Array, Array, Array, Array]:
-        """Return innovations (N, K, 3), and their variances, squared lengths and squares over variances (N, K each)."""
-        located = np.isfinite(points[:, :1])
-        innovations = np.where(located, points, 0.0)[:, None] - self._states[:, :, 0]
-        variances = self._covariances[..., 0, 0] + (sigmas * sigmas)[:, None]
-        squares = np.add.reduce(innovations * innovations, axis=-1)
-        return innovations, variances, squares, squares / variances
-
-    def _far(self, squares: Array, unlikely: Array) -> Mask:
-        far = (squares > self._kind.jump**2) & (unlikely > self._kind.jump_sigmas**2)
-        return np.asarray(np.logical_and.reduce(far, axis=1))
 
     def means(self) -> tuple[Array, Array]:
         """Return the estimated positions (N, 3), and the standard deviations (N,) of their coordinates."""
@@ -145,45 +131,102 @@ class MultipleModelFilter:
         """Return the estimated speeds (N,), units per s."""
         return np.asarray(np.linalg.norm((self._weights[:, None] @ self._states[:, :, 1])[:, 0], axis=1))
 
-    def _move(self, elapsed_s: float) -> None:
-        """Predict with each model, starting from a mixture of all models."""
-        models = self._weights.shape[1]
-        stays = math.exp(-elapsed_s / self._kind.holds_s)
-        changes = np.full((models, models), (1.0 - stays) / (models - 1))
-        changes.flat[:: models + 1] = stays
-        shares = self._weights[:, :, None] * changes
-        self._weights = np.add.reduce(shares, axis=1)
-        shares /= np.maximum(self._weights, 1e-300)[:, None]
-        # The covariance of a mixture is the mean of the covariances plus the covariance of the means, averaged over the
-        # axes. Means are taken relative to the first model's, which preserves precision for points far from the origin.
-        first = self._states[:, :1]
-        apart = self._states - first
-        self._covariances += apart @ apart.swapaxes(-1, -2) / 3.0
-        mixed = shares.swapaxes(1, 2) @ self._rows
-        apart = mixed[..., :9].reshape(apart.shape) - first
-        mixed[..., 9:] -= (apart @ apart.swapaxes(-1, -2) / 3.0).reshape(*mixed.shape[:2], 9)
-        powers = elapsed_s**_EXPONENTS
-        moved = mixed @ (powers @ _MOVEMENT).reshape(18, 18)
-        moved[..., 9:] += self._densities[..., None] * (powers @ _JERKS)
-        self._hold(moved)
 
-    def _update(self, seen: Mask | slice, innovations: Array, variances: Array, unlikely: Array) -> None:
-        """Correct the models, and their weights, for the points that were measured."""
-        covariances, variances = self._covariances[seen], variances[seen]
-        gains = (covariances[..., 0] / variances[..., None])[..., None]
-        self._states[seen] += gains * innovations[seen][:, :, None]
-        self._covariances[seen] -= gains * covariances[:, :, :1]
-        likely = np.maximum(self._weights[seen], 1e-300) / (variances * np.sqrt(variances))
-        logs = np.log(likely) - 0.5 * unlikely[seen]
-        weights = np.exp(logs - np.maximum.reduce(logs, axis=1, keepdims=True))
-        self._weights[seen] = weights / np.add.reduce(weights, axis=1, keepdims=True)
+_PREDICT = function("predict_points", "nnddppppp")
+_CORRECT = function("correct_points", "nnppppppp")
 
-    def _start(self, new: Mask, points: Array, sigmas: Array) -> None:
-        """Initialise points at their measurements."""
-        self._states[new] = 0.0
-        self._states[new, :, 0] = points[new, None]
-        self._covariances[new] = 0.0
-        self._covariances[new, :, 0, 0] = np.square(sigmas[new])[:, None]
-        self._covariances[new, :, 1, 1] = self._kind.first_speed**2
-        self._covariances[new, :, 2, 2] = self._kind.first_acceleration**2
-        self._weights[new] = 1.0 / self._weights.shape[1]
+
+def _compiled_prediction(weights: Array, rows: Array, elapsed_s: float, kind: MotionModels) -> tuple[Array, Array]:
+    next_weights, next_rows = np.empty(weights.shape), np.empty(rows.shape)
+    given = contiguous(kind.densities), contiguous(weights), contiguous(rows)
+    stays = math.exp(-elapsed_s / kind.holds_s)
+    checked(_PREDICT(*weights.shape, elapsed_s, stays, *given, address(next_weights), address(next_rows)))
+    return next_weights, next_rows
+
+
+@stage(_compiled_prediction)
+def predicted(weights: Array, rows: Array, elapsed_s: float, kind: MotionModels) -> tuple[Array, Array]:
+    """Return weights (N, K) and rows (N, K, 18) predicted with each model, starting from a mixture of all models."""
+    models = weights.shape[1]
+    stays = math.exp(-elapsed_s / kind.holds_s)
+    changes = np.full((models, models), (1.0 - stays) / (models - 1))
+    changes.flat[:: models + 1] = stays
+    shares = weights[:, :, None] * changes
+    weights = np.add.reduce(shares, axis=1)
+    shares /= np.maximum(weights, 1e-300)[:, None]
+    # The covariance of a mixture is the mean of the covariances plus the covariance of the means, averaged over the
+    # axes. Means are taken relative to the first model's, which preserves precision for points far from the origin.
+    rows = rows.copy()
+    states, covariances = _parts(rows)
+    first = states[:, :1].copy()
+    apart = states - first
+    covariances += apart @ apart.swapaxes(-1, -2) / 3.0
+    mixed = shares.swapaxes(1, 2) @ rows
+    apart = mixed[..., :9].reshape(apart.shape) - first
+    mixed[..., 9:] -= (apart @ apart.swapaxes(-1, -2) / 3.0).reshape(*mixed.shape[:2], 9)
+    powers = elapsed_s**_EXPONENTS
+    moved = mixed @ (powers @ _MOVEMENT).reshape(18, 18)
+    moved[..., 9:] += kind.densities[..., None] * (powers @ _JERKS)
+    return weights, moved
+
+
+def _compiled_correction(
+    weights: Array, rows: Array, followed: Mask, points: Array, sigmas: Array, kind: MotionModels
+) -> tuple[Array, Array, Mask]:
+    weights, rows, known = weights.copy(), rows.copy(), followed.copy()
+    limits = (kind.jump**2, kind.jump_sigmas**2, kind.first_speed**2, kind.first_acceleration**2)
+    given = contiguous(points), contiguous(sigmas), contiguous(limits)
+    changed = address(weights), address(rows), address(known), address(np.empty(3 * weights.shape[1]))
+    checked(_CORRECT(*weights.shape, *given, *changed))
+    return weights, rows, known
+
+
+@stage(_compiled_correction)
+def corrected(
+    weights: Array, rows: Array, followed: Mask, points: Array, sigmas: Array, kind: MotionModels
+) -> tuple[Array, Array, Mask]:
+    """Return weights (N, K) and rows (N, K, 18) corrected with measurements; see `MultipleModelFilter.observe`.
+
+    Args:
+        followed: Mask (N,) of the points that were measured recently; others begin anew.
+        sigmas: Standard deviations (N,) of the measured coordinates.
+
+    Returns:
+        Weights, rows, and a mask (N,) of the points that were not re-initialised.
+    """
+    weights, rows = weights.copy(), rows.copy()
+    states, covariances = _parts(rows)
+    innovations, variances, squares, unlikely = _innovations(states, covariances, points, sigmas)
+    located = np.isfinite(points[:, 0])
+    far = np.logical_and.reduce((squares > kind.jump**2) & (unlikely > kind.jump_sigmas**2), axis=1)
+    known = followed & located & ~far
+    seen: Mask | slice = slice(None) if known.all() else known  # slices are faster than masks
+    own, spread = covariances[seen], variances[seen]
+    gains = (own[..., 0] / spread[..., None])[..., None]
+    states[seen] += gains * innovations[seen][:, :, None]
+    covariances[seen] -= gains * own[:, :, :1]
+    likely = np.maximum(weights[seen], 1e-300) / (spread * np.sqrt(spread))
+    logs = np.log(likely) - 0.5 * unlikely[seen]
+    kept = np.exp(logs - np.maximum.reduce(logs, axis=1, keepdims=True))
+    weights[seen] = kept / np.add.reduce(kept, axis=1, keepdims=True)
+    if (new := located & ~known).any():  # they begin at their measurements
+        states[new], covariances[new], weights[new] = 0.0, 0.0, 1.0 / weights.shape[1]
+        states[new, :, 0] = points[new, None]
+        covariances[new, :, 0, 0] = np.square(sigmas[new])[:, None]
+        covariances[new, :, 1, 1], covariances[new, :, 2, 2] = kind.first_speed**2, kind.first_acceleration**2
+    return weights, rows, known
+
+
+def _parts(rows: Array) -> tuple[Array, Array]:
+    """Return views (N, K, 3, 3) of rows: position, velocity and acceleration by axis, and their shared covariance."""
+    states, covariances = (part.reshape(*rows.shape[:2], 3, 3) for part in (rows[..., :9], rows[..., 9:]))
+    return states, covariances
+
+
+def _innovations(states: Array, covariances: Array, points: Array, sigmas: Array) -> tuple[Array, Array, Array, Array]:
+    """Return innovations (N, K, 3), and their variances, squared lengths and squares over variances (N, K each)."""
+    located = np.isfinite(points[:, :1])
+    innovations = np.where(located, points, 0.0)[:, None] - states[:, :, 0]
+    variances = covariances[..., 0, 0] + (sigmas * sigmas)[:, None]
+    squares = np.add.reduce(innovations * innovations, axis=-1)
+    return innovations, variances, squares, squares / variances

@@ -6,6 +6,14 @@ from .arrays import Array, IntArray, Mask
 from .rigid_transform import kabsch, transform
 
 
+def point_distances(points_m: Array, others_m: Array) -> Array:
+    """Return the distances (N, M) between points (N, D) and others (M, D)."""
+    squared = np.zeros((len(points_m), len(others_m)))
+    for mine, theirs in zip(points_m.T, others_m.T, strict=True):  # no array (N, M, D) is needed
+        squared += np.square(mine[:, None] - theirs)
+    return np.sqrt(squared)
+
+
 def match_rigid_pattern(
     points_m: Array, spans_m: Array, tolerances_m: Array, fewest: int, allowed: Mask | None = None
 ) -> IntArray:
@@ -21,7 +29,7 @@ def match_rigid_pattern(
     if allowed is not None:
         rows = np.flatnonzero(allowed.any(axis=1))
         points_m, tolerances_m, allowed = points_m[rows], tolerances_m[np.ix_(rows, rows)], allowed[rows]
-    between = np.linalg.norm(points_m[:, None] - points_m[None], axis=-1)
+    between = point_distances(points_m, points_m)
     chosen = _extend_matches(between, spans_m, tolerances_m, len(spans_m) - fewest, allowed)
     return chosen if allowed is None else np.where(chosen >= 0, np.append(rows, -1)[chosen], -1)
 

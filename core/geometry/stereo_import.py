@@ -9,7 +9,6 @@ scripts use: `K1`, `cameraMatrix1`, `mtxL`, `left_camera_matrix`, ... with `R` a
 - Bouguet's toolbox: `Calib_Results_stereo.mat` with `fc_left`, `cc_left`, `kc_left`, `R` and `T`.
 """
 
-import io
 import json
 import re
 import xml.etree.ElementTree as ElementTree
@@ -23,6 +22,7 @@ from ..system.file_content import decode_text
 from ..system.files import reading
 from . import rotations as rot
 from .arrays import Array
+from .mat_file import read_mat
 
 _AGAIN = "export the stereo calibration with K, distortion, R and T"
 _MOST_BYTES = 10_000_000
@@ -156,9 +156,7 @@ def _named_numbers(raw: bytes, where: str) -> Numbers:
 
 def _values(raw: bytes, where: str) -> Iterator[tuple[list[str], Any]]:
     if raw.startswith(b"MATLAB"):
-        from scipy.io import loadmat  # needed for this format only
-
-        yield from _leaves([], _inner(loadmat(io.BytesIO(raw), simplify_cells=True)))
+        yield from _leaves([], _inner(read_mat(raw)))
         return
     expected = "XML file" if raw.lstrip().startswith(b"<") else "calibration"
     text = decode_text(raw, where, expected, CalibrationError).strip().removeprefix("\ufeff")

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from scipy.spatial.distance import cdist
 
 from ..geometry.arrays import Array, IntArray
 from ..geometry.gated_assignment import assign
+from ..geometry.point_patterns import point_distances
 from ..geometry.rigid_transform import kabsch
 
 
@@ -81,7 +81,7 @@ def _rough_placements(points: Array, template: Array) -> list[Similarity]:
     """Return the best placements, from pairs of points assigned to distant template markers."""
     pairs = np.transpose(np.triu_indices(len(template), 1))
     spans = np.linalg.norm(template[pairs[:, 0]] - template[pairs[:, 1]], axis=-1)
-    apart = np.linalg.norm(points[:, None] - points[None], axis=-1)
+    apart = point_distances(points, points)
     placements = []
     for pair in np.argsort(-spans)[: _S.pairs]:
         scales = apart / spans[pair]
@@ -91,7 +91,7 @@ def _rough_placements(points: Array, template: Array) -> list[Similarity]:
     if not placements:
         return []
     placed = np.concatenate([placement.apply(template) for placement in placements])
-    nearest = cdist(placed, points).min(axis=1).reshape(len(placements), -1)
+    nearest = point_distances(placed, points).min(axis=1).reshape(len(placements), -1)
     costs = np.sum(np.minimum(nearest, _S.gate_m) ** 2, axis=1)
     return [placements[k] for k in np.argsort(costs)[: _S.refined]]
 
@@ -107,7 +107,7 @@ def _from_pair(template_pair: Array, point_pair: Array, scale: float) -> Similar
 
 def _assigned(points: Array, template: Array, placed: Similarity) -> tuple[Array, IntArray, IntArray]:
     """Return the distances (N, M) of points from a placed template's markers, and the assignment (points, markers)."""
-    distances = cdist(points, placed.apply(template))
+    distances = point_distances(points, placed.apply(template))
     return distances, *assign((distances / _S.gate_m) ** 2)
 
 

@@ -9,11 +9,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.spatial.distance import cdist
 
 from ..errors import TakeError, counted
 from ..geometry.arrays import Array, IntArray
 from ..geometry.gated_assignment import assign
+from ..geometry.point_patterns import point_distances
 from ..markers.marker_frame import MarkerFrame
 from ..markers.marker_take import MarkerTake
 
@@ -257,7 +257,8 @@ def _common_shift(expected: Array, points: Array, passed_s: float) -> Array:
     """Return the shift (3,) of the body that brings the expected positions closest to the points."""
     shifts = np.concatenate((np.zeros((1, 3)), (points[None] - expected[:, None]).reshape(-1, 3)))
     shifts = shifts[np.linalg.norm(shifts, axis=1) <= _S.fastest_m_s * passed_s]
-    nearest = [np.minimum(cdist(expected + shift, points).min(axis=1), _S.widest_gate_m).sum() for shift in shifts]
+    nearest_m = [point_distances(expected + shift, points).min(axis=1) for shift in shifts]
+    nearest = [np.minimum(each_m, _S.widest_gate_m).sum() for each_m in nearest_m]
     return np.asarray(shifts[np.argmin(nearest + 0.1 * np.linalg.norm(shifts, axis=1))])
 
 

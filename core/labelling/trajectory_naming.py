@@ -3,12 +3,12 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
 from ..body.calibration_poses import standing, t_pose
 from ..body.standard_skeleton import default_skeleton
 from ..errors import TakeError, counted
 from ..geometry.arrays import Array, IntArray
+from ..geometry.gated_assignment import assign
 from ..markers.marker_set import MarkerSet
 from ..markers.marker_take import MarkerTake
 from .template_labelling import label_by_template, similarity
@@ -46,7 +46,7 @@ def name_trajectories(take: MarkerTake, marker_set: MarkerSet) -> MarkerTake:
     votes = np.zeros((count, count))
     for row in take.positions_m[chosen]:
         _vote(votes, row, templates)
-    rows, columns = linear_sum_assignment(-votes)
+    rows, columns = assign(-votes, np.inf)
     if np.median(votes[rows, columns]) < _S.fewest_votes * len(chosen):
         raise TakeError(
             f"the markers' positions do not fit the marker set {marker_set.name}",
@@ -97,9 +97,8 @@ def _vote(votes: Array, row: Array, templates: list[Array]) -> None:
 
 def match_trajectories(own: Array, other: Array) -> tuple[IntArray, IntArray]:
     """Match trajectories (F, M, 3) to (F, N, 3) with the smallest sum of median distances."""
-    cost = [[_median_distance(mine, theirs) for theirs in other.swapaxes(0, 1)] for mine in own.swapaxes(0, 1)]
-    rows, columns = linear_sum_assignment(cost)
-    return rows.astype(np.int64), columns.astype(np.int64)
+    costs = [[_median_distance(mine, theirs) for theirs in other.swapaxes(0, 1)] for mine in own.swapaxes(0, 1)]
+    return assign(costs, np.inf)
 
 
 def _median_distance(a: Array, b: Array) -> float:

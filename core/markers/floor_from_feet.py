@@ -10,6 +10,7 @@ from ..body.body_parts import FOOT_JOINTS
 from ..body.calibration_poses import standing
 from ..body.skeleton import Skeleton, forward_kinematics
 from ..body.standard_skeleton import default_skeleton
+from ..body.window_filters import smallest
 from ..errors import TakeError
 from ..geometry import rotations as rot
 from ..geometry.arrays import Array, evenly
@@ -111,9 +112,8 @@ def _stance_points(take: MarkerTake, marker_set: MarkerSet, skeleton: Skeleton, 
         path = take.positions_m[:, columns[marker]] @ upright
         speed = np.linalg.norm(np.gradient(path, times_s, axis=0), axis=1) if len(path) > 1 else np.zeros(1)
         height = np.where(np.isfinite(path[:, 1]), path[:, 1], np.inf)
-        padded = np.pad(height, radius, mode="edge")
-        lowest = np.lib.stride_tricks.sliding_window_view(padded, 2 * radius + 1).min(axis=1)
-        resting = (speed < _S.still_m_s) & (height < lowest + _S.low_m)  # false where the marker is hidden
+        low = height < smallest(height, radius) + _S.low_m  # false where the marker is hidden
+        resting = (speed < _S.still_m_s) & low
         found.append(path[resting] - [0.0, heights[marker], 0.0])
     if not found:
         raise TakeError(

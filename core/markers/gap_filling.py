@@ -15,6 +15,7 @@ from ..body.motion import Motion
 from ..body.skeleton import forward_kinematics
 from ..geometry import rotations as rot
 from ..geometry.arrays import Array, IntArray, Mask, runs
+from ..geometry.cubic_curves import cubic_spline
 from .marker_set import MarkerSet
 from .marker_take import MarkerTake
 from .steady_take import frame_times
@@ -132,7 +133,7 @@ class _Filler:
         if tried is None or len(self._before) < 2 or len(self._after) < 2:
             return body
         hidden_s, span_s = self._hidden_s()
-        spline = _splined(self._times_s[rows], self._path[rows], hidden_s, axis=0)
+        spline = cubic_spline(self._times_s[rows], self._path[rows], hidden_s)
         own = np.square(self.drift_m) + _S.earlier_gaps * usual_drift_m**2
         # the variance of the difference of two positions is twice that of one
         drift = np.sqrt(0.5 * own / (1.0 + _S.earlier_gaps))
@@ -177,13 +178,6 @@ class _Filler:
         rows = np.arange(length)
         hidden, kept = rows[beside : beside + count], np.delete(rows, np.s_[beside : beside + count])
         # one spline for all artificial gaps, because they share their knots
-        paths = self._path[starts[:: max(1, len(starts) // _S.most_trials), None] + rows]
-        away = _splined(kept, paths[:, kept], hidden, axis=1) - paths[:, hidden]
+        paths = self._path[starts[:: max(1, len(starts) // _S.most_trials)] + rows[:, None]]
+        away = cubic_spline(kept.astype(np.float64), paths[kept], hidden.astype(np.float64)) - paths[hidden]
         return float(np.sqrt(np.mean(np.sum(away**2, axis=-1))))
-
-
-def _splined(knots: Array | IntArray, values: Array, places: Array | IntArray, axis: int) -> Array:
-    """Return values at places between knots, which lie along an axis of the values."""
-    from scipy.interpolate import CubicSpline  # live capture does without SciPy
-
-    return np.asarray(CubicSpline(knots, values, axis=axis)(places))

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -76,6 +77,11 @@ class MarkerFrame:
                     where=f"frame {self.number}",
                     advice="give one row for each point, ray or camera",
                 )
+
+    @cached_property
+    def is_labelled(self) -> bool:
+        """Whether the source labelled its markers."""
+        return bool(np.any(self.labels >= 0) or np.any(self.single_labels >= 0))
 
 
 def undistort_blobs(frame: MarkerFrame, cameras: Sequence[Camera]) -> MarkerFrame:

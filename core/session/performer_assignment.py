@@ -14,7 +14,6 @@ from ..labelling.initial_labelling import REACH_M
 from ..labelling.labeller import assign_blobs, assign_points
 from ..markers.marker_frame import MarkerFrame
 from ..markers.marker_frame_subset import without_blobs, without_points
-from .point_labels import is_labelled
 from .session import Session
 
 _NOBODY = -1
@@ -40,7 +39,7 @@ class PerformerAssignment:
 
     def split_frame(self, frame: MarkerFrame) -> list[MarkerFrame]:
         """Return each performer's share of a frame; labels given by the source belong to the first performer."""
-        if is_labelled(frame):
+        if frame.is_labelled:
             return [frame] + [_nothing(frame)] * (len(self._sessions) - 1)
         owners = self._owners(frame)
         shares = [self._share(frame, owners, index) for index in range(len(self._sessions))]

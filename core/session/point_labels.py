@@ -81,7 +81,7 @@ class PointLabels:
     def begin(self, frame: MarkerFrame, elapsed_s: float) -> PointHypothesis | None:
         """Return a hypothesis with the labels given by the source, or found without history once a search has ended."""
         start = None
-        if is_labelled(frame):
+        if frame.is_labelled:
             labeller, observation = Labeller(self._torso), self._observe_given_labels(frame)
         else:
             if self._start is None:
@@ -113,7 +113,7 @@ class PointLabels:
         self, hypotheses: Sequence[PointHypothesis], frame: MarkerFrame, elapsed_s: float, checks: bool
     ) -> list[PointHypothesis]:
         """Return the hypotheses with the labels of the next frame; if the source labels it, only the best one."""
-        given = is_labelled(frame)
+        given = frame.is_labelled
         if given or not checks:
             hypotheses = hypotheses[:1]
         followed: list[PointHypothesis] = []
@@ -140,7 +140,7 @@ class PointLabels:
     ) -> list[PointHypothesis]:
         """Return hypotheses with labels that a search has found and that are not hopeless."""
         best, solution = hypotheses[0], hypotheses[0].tracked.solution
-        if solution is None or is_labelled(frame):
+        if solution is None or frame.is_labelled:
             return []
         suspect = self._is_suspect(best.tracked, solution, frame)
         return self._alternatives.step(hypotheses, frame, elapsed_s, suspect)
@@ -230,11 +230,6 @@ class PointLabels:
         else:
             cameras[np.isfinite(points[:, 0])] = -1
         return Observation(points, cameras, image_points, self._cameras)
-
-
-def is_labelled(frame: MarkerFrame) -> bool:
-    """Return whether the source of a frame labelled its markers."""
-    return bool(np.any(frame.labels >= 0) or np.any(frame.single_labels >= 0))
 
 
 def _strays(frame: MarkerFrame, tracked: Tracked) -> int:

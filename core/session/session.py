@@ -31,7 +31,7 @@ from .hypotheses import Hypotheses, Tracked
 from .limb_coverage import doubted, open_limbs
 from .one_camera_labels import OneCameraLabels
 from .part_errors import PartErrors
-from .point_labels import PointLabels, is_labelled
+from .point_labels import PointLabels
 from .tracking_quality import Fit, TrackingQuality, assess_fit, tracking_of
 
 # tilt from the examples at which the confidence has fallen to 1/e; people are within 36 degrees in 95 % of the frames,
@@ -99,7 +99,7 @@ class Session:
 
     def step_usable(self, frame: MarkerFrame, check_labels: bool) -> PerformerPose:
         """Return the pose of the next frame, whose time and contents are known to be possible; see `step`."""
-        tracker = self._given if is_labelled(frame) else self._hypotheses
+        tracker = self._given if frame.is_labelled else self._hypotheses
         self._best = tracker.step(frame, check_labels)
         if tracker.changed:
             self._decisions.append(tracker.changed)
@@ -107,7 +107,7 @@ class Session:
                 self._quality.reset()
         tracked = self._best.tracked if self._best else None
         if self._best and tracked and tracked.solution:
-            confidence = 1.0 if is_labelled(frame) else tracker.confidence(frame)
+            confidence = 1.0 if frame.is_labelled else tracker.confidence(frame)
             pose = self._solved_pose(frame, tracked, tracked.solution, confidence)
         else:
             pose = self._last_pose(frame, frame.time_s, NoteKind.WAITING, tracked.observation if tracked else None)
@@ -173,7 +173,7 @@ class Session:
         rotations = self._model.rotations(solution.pose, solution.root)
         joint_errors_deg = self._part_errors.expected_joints_deg(solution)
         errors_deg = self._part_errors.expected_deg(joint_errors_deg)
-        known, root_m = is_labelled(frame), solution.root.position_m
+        known, root_m = frame.is_labelled, solution.root.position_m
         # the slew limit must not take a marker hidden for a moment as one that disappears and returns
         points_m = shown.points_m if self._has_one_camera else tracked.known_m
         rotations = self._slew_limit.step(frame.time_s, rotations, root_m, points_m, held, known)

@@ -21,6 +21,7 @@ from ..body.motion import Motion
 from ..body.pose_notes import NoteKind, PoseNote
 from ..body.scene_pose import PerformerPose
 from ..body.skeleton import forward_kinematics
+from ..body.window_filters import gaussian
 from ..database.store import pose_from_rotations
 from ..formats.markers.recorded_take import take_of_poses
 from ..geometry import rotations as rot
@@ -330,10 +331,8 @@ def _known(errors_deg: Array, count: int) -> Array:
 
 def _blended(trajectories: Sequence[_Trajectory], fps: float) -> _Trajectory:
     """Return the mean of trajectories; the weight of each part depends on its expected error."""
-    from scipy.ndimage import gaussian_filter1d  # live capture does without SciPy
-
     errors = np.array([trajectory.errors_deg for trajectory in trajectories])
-    lasting = gaussian_filter1d(np.minimum(errors, _UNKNOWN_DEG), _WEIGHT_S * fps, axis=1, mode="nearest")
+    lasting = gaussian(np.minimum(errors, _UNKNOWN_DEG).swapaxes(0, 1), _WEIGHT_S * fps).swapaxes(0, 1)
     weights = np.where(np.isfinite(errors), lasting, np.inf) ** -_WEIGHT_POWER
     weights /= weights.sum(axis=0)
     first = trajectories[0].rotations

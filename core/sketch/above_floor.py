@@ -3,12 +3,12 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.ndimage import distance_transform_edt, gaussian_filter1d, maximum_filter1d
 
 from ..body.motion import Motion
 from ..body.moved_feet import smooth_step, sole_heights, with_moved_feet
 from ..body.skeleton import forward_kinematics
 from ..body.soles import performer_sole
+from ..body.window_filters import frames_to, gaussian, largest
 from ..geometry import rotations as rot
 from ..geometry.arrays import Array, Mask
 
@@ -38,10 +38,9 @@ def above_floor(motion: Motion, ankles: Mask, toes: Mask) -> Motion:
     if not below_m.any():
         return motion
     frames = max(1, round(SETTINGS.smoothing_s * motion.fps))
-    lifted_m = maximum_filter1d(below_m, 2 * frames + 1, axis=0, mode="nearest")
-    lifted_m = gaussian_filter1d(lifted_m, frames, axis=0, mode="nearest")
+    lifted_m = gaussian(largest(below_m, frames), frames)
     for foot in np.flatnonzero(keyed.any(axis=0)):
-        away = distance_transform_edt(~keyed[:, foot]) / max(SETTINGS.fade_s * motion.fps, 1.0)
+        away = frames_to(keyed[:, foot]) / max(SETTINGS.fade_s * motion.fps, 1.0)
         most_m = lifted_m[:, foot].max() * smooth_step(away)
         lifted_m[:, foot] = np.minimum(lifted_m[:, foot], most_m)
     moved = with_moved_feet(motion, lifted_m[..., None] * np.array([0.0, 1.0, 0.0]))

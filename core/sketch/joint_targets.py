@@ -8,10 +8,10 @@ its last one a control keeps that key's displacement, but loosely, because keys 
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import gaussian_filter1d
 
 from ..body.calibration_poses import standing as standing_pose
 from ..body.skeleton import Skeleton, forward_kinematics
+from ..body.window_filters import gaussian
 from ..geometry import rotations as rot
 from ..geometry.arrays import Array
 from ..geometry.rigid_transform import kabsch
@@ -90,7 +90,7 @@ def targets_of(
     # a foot without keys follows the hips, but stays on the floor when they sink to a crouch
     carried = points[:, 0] - base_m[:, 0] if "root" in controls else np.zeros((len(frames), 3))
     on_floor = "root" in controls and bool(points[:, 0, 1].min() > SETTINGS.lowest_hips_m)
-    standing = gaussian_filter1d(standing, SETTINGS.steadied_s * sketch.fps, axis=0, mode="nearest")
+    standing = gaussian(standing, SETTINGS.steadied_s * sketch.fps)
     for side, pair in enumerate(zip(_ANKLES, TOES, strict=True)):
         columns = [joints.index(name) for name in pair]
         leader = next((name for name in pair if name in controls), None)
@@ -116,7 +116,7 @@ def targets_of(
                 own = np.where(held.stands, sigma_m, np.maximum(sigmas[:, column], SETTINGS.stepping_sigma_m))
                 bound = keyed if joints[column] == leader else keyed[:0]
                 own[bound] = SETTINGS.key_sigma_m
-                own = np.exp(gaussian_filter1d(np.log(own), SETTINGS.grip_s * sketch.fps, mode="nearest"))
+                own = np.exp(gaussian(np.log(own), SETTINGS.grip_s * sketch.fps))
                 own[bound] = SETTINGS.key_sigma_m
                 sigmas[:, column] = own
     return Targets(joints, reach.limited(points), sigmas)

@@ -6,9 +6,9 @@ that no handle may point backwards or beyond the value of the next key.
 """
 
 import numpy as np
-from scipy.interpolate import CubicHermiteSpline
 
 from ..geometry.arrays import Array
+from ..geometry.cubic_curves import hermite
 
 
 def key_slopes(times: Array, values: Array) -> Array:
@@ -48,5 +48,4 @@ def curve_positions(times: Array, positions_m: Array, at: Array) -> Array:
     """
     if len(times) == 1:
         return np.repeat(positions_m, len(at), axis=0)
-    curve = CubicHermiteSpline(times, positions_m, key_slopes(times, positions_m), axis=0)
-    return np.asarray(curve(np.clip(at, times[0], times[-1])))
+    return hermite(times, positions_m, key_slopes(times, positions_m), np.clip(at, times[0], times[-1]))

@@ -9,11 +9,11 @@ from fnmatch import fnmatch
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import median_filter, minimum_filter1d
 
 from ..body.calibration_poses import hanging
 from ..body.posed_markers import markers_at_rest
 from ..body.skeleton import Skeleton, forward_kinematics
+from ..body.window_filters import smallest, usual
 from ..database.header_facts import Clip
 from ..database.store import Database, check_arrays
 from ..errors import SettingsError
@@ -102,7 +102,7 @@ class MotionLibrary:
         """Return masks (F, 2) of the frames with planted toes, left and right, and of those with still toes."""
         toes = [self.columns[name] for name in TOES]
         result, still = np.zeros((2, self.database.frames, 2), dtype=np.bool_)
-        size, second = 2 * round(SETTINGS.steady_s * self.fps / 2) + 1, 2 * round(self.fps) + 1
+        steady, second = round(SETTINGS.steady_s * self.fps / 2), round(self.fps)
         for clip in self.database.clips:
             part = slice(clip.start, clip.stop)
             places, heights = self.planar[part][:, toes], self.heights_m[part][:, toes]
@@ -111,8 +111,8 @@ class MotionLibrary:
                 continue
             speeds = np.abs(np.gradient(places.astype(np.complex128), axis=0)) * self.fps
             low = heights - np.percentile(heights, SETTINGS.lowest_percent, axis=0) < SETTINGS.low_m
-            result[part] = median_filter(low & (speeds < SETTINGS.standing_m_s), size=(size, 1), mode="nearest")
-            low = heights - minimum_filter1d(heights, second, axis=0, mode="nearest") < SETTINGS.low_m
+            result[part] = usual(low & (speeds < SETTINGS.standing_m_s), steady)
+            low = heights - smallest(heights, second) < SETTINGS.low_m
             speeds = np.hypot(speeds, np.gradient(heights, axis=0) * self.fps)
             still[part] = low & (speeds < SETTINGS.still_m_s)
         return result, still

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from scipy.ndimage import distance_transform_edt, gaussian_filter1d
 
+from ..body.window_filters import frames_to, gaussian
 from ..geometry.arrays import Array, IntArray, Mask, runs
 from ..geometry.least_squares import gauss_newton
 from .key_interpolation import curve_positions
@@ -315,7 +315,7 @@ def lift_of(toes_m: Array, places_m: Array, keyed: IntArray, fps: float) -> Arra
     ground_m = np.interp(np.arange(len(toes_m)), np.flatnonzero(fixed), places_m[fixed, 1])
     speeds = np.linalg.norm(np.gradient(toes_m[:, [0, 2]], axis=0), axis=1) * fps
     fixed[keyed] = True
-    near = np.minimum(distance_transform_edt(~fixed) / (SETTINGS.lifted_s * fps), 1.0)
+    near = np.minimum(frames_to(fixed) / (SETTINGS.lifted_s * fps), 1.0)
     ease = near**2 * (3.0 - 2.0 * near) * np.minimum(speeds / SETTINGS.lifted_m_s, 1.0)
     lift_m = ease * np.maximum(ground_m + SETTINGS.clear_m - toes_m[:, 1], 0.0)
-    return np.where(fixed, 0.0, gaussian_filter1d(lift_m, SETTINGS.lifted_s * fps / 3.0))
+    return np.where(fixed, 0.0, gaussian(lift_m, SETTINGS.lifted_s * fps / 3.0, "symmetric"))

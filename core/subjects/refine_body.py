@@ -10,7 +10,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.linalg import solve_triangular
 
 from ..database.store import Database
 from ..errors import SubjectError
@@ -170,7 +169,7 @@ def _evidence(observed: Array, subject: Subject, database: Database, report: Cal
         by_part, by_offset, _ = linear_model(model.rotations(pose, expectation.root)[None], subject)
         columns = np.concatenate((by_part, by_offset), axis=-1)[0][seen].reshape(-1, unknowns)
         innovation = (points_m - markers)[seen].reshape(-1, 1)
-        whitened = solve_triangular(np.linalg.cholesky(spread), np.hstack((columns, innovation)), lower=True)
+        whitened = np.linalg.solve(np.linalg.cholesky(spread), np.hstack((columns, innovation)))
         information += whitened[:, :-1].T @ whitened[:, :-1]
         vector += whitened[:, :-1].T @ whitened[:, -1]
         frames += 1

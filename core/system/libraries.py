@@ -5,7 +5,6 @@ This module imports none of them, so that it can report a broken one.
 
 LIBRARIES = {
     "numpy": "numpy",
-    "scipy": "scipy",
     "cv2": "opencv-contrib-python-headless",
     "pythonosc": "python-osc",
     "tomli_w": "tomli-w",

@@ -66,7 +66,7 @@ def test_api_page_names_what_is_public() -> None:
 
 
 def test_a_capture_starts_the_cameras_process_before_it_loads_what_is_slow() -> None:
-    code = "import sys, perfanim.core.worker.jobs.run_capture; print(*{'scipy', 'cv2'} & set(sys.modules))"
+    code = "import sys, perfanim.core.worker.jobs.run_capture; print(*{'cv2'} & set(sys.modules))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd="/", check=True)
     assert done.stdout.strip() == ""
 
@@ -76,6 +76,15 @@ def test_core_imports_neither_blender_nor_itself_by_name() -> None:
     for path in FILES:
         wrong = tops_of(path) & {"bpy", "mathutils", "perfanim", "core", "pickle", "marshal", "shelve"}
         assert not wrong, path
+
+
+def test_nothing_that_is_shipped_needs_scipy() -> None:
+    """It is the only library bound to one version of Python: an archive would be needed for each."""
+    for path in (*FILES, *(CORE.parent / "perfanim_addon").rglob("*.py")):
+        imports = [
+            node for node in ast.walk(ast.parse(path.read_text())) if isinstance(node, ast.Import | ast.ImportFrom)
+        ]
+        assert not [node for node in imports if re.search(r"\b(import|from) scipy\b", ast.unparse(node))], path
 
 
 def test_library_names_no_command_line_option() -> None:

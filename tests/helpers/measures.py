@@ -5,12 +5,12 @@ from perfanim.core.body.motion import Motion
 from perfanim.core.body.motion_metrics import CONTACT
 from perfanim.core.body.skeleton import forward_kinematics
 from perfanim.core.body.soles import upright_foot
+from perfanim.core.body.window_filters import smallest
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.retarget.armature_rest import ArmatureRest
 from perfanim.core.retarget.character_rest_pose import bone_direction
 from perfanim.core.retarget.rest_alignment import BONE_ENDS
 from perfanim.core.retarget.retargeter import CharacterPose, RetargetPlan
-from scipy.ndimage import minimum_filter1d
 
 LIMBS = ("femur", "tibia", "humerus", "radius", "hand")
 
@@ -102,9 +102,8 @@ def slides_cm_s(motion: Motion, made: RetargetPlan, heads: np.ndarray) -> tuple[
     ball = [motion.skeleton.index(side + "toes") for side in "lr"]
     velocity = np.diff(positions[:, ball], axis=0) * motion.fps
     height = 0.5 * (positions[1:, ball, 1] + positions[:-1, ball, 1])
-    contact = (
-        height < minimum_filter1d(height, 2 * round(motion.fps) + 1, axis=0, mode="nearest") + CONTACT.height_m
-    ) & (np.linalg.norm(velocity, axis=-1) < CONTACT.speed_m_s)
+    low = height < smallest(height, round(motion.fps)) + CONTACT.height_m
+    contact = low & (np.linalg.norm(velocity, axis=-1) < CONTACT.speed_m_s)
     kind = "toes" if "ltoes" in made.joints else "foot"
     own = np.diff(positions[:, [motion.skeleton.index(side + kind) for side in "lr"]], axis=0) * motion.fps
     mine = np.diff(to_performer(made, heads[:, [made.joints[side + kind] for side in "lr"]]), axis=0) * motion.fps

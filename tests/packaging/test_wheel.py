@@ -22,7 +22,7 @@ from vicon_file import write_vicon_file
 
 ROOT = Path(__file__).resolve().parents[2]
 SOURCES = ("__init__.py", "core", "perfanim_addon", "assets", "pyproject.toml", "setup.py", "README.md", "LICENSE")
-LIBRARIES = ("numpy", "scipy", "cv2", "pythonosc", "tomli_w")
+LIBRARIES = ("numpy", "cv2", "pythonosc", "tomli_w")
 WALK = "walking-02-energetic"
 SCRIPT = """
 from pathlib import Path

@@ -39,7 +39,7 @@ def test_a_version_without_notes_is_refused(text):
 def few_archives(monkeypatch):
     """One platform, with wheels that hold nothing."""
 
-    def download(python, platform, folder):
+    def download(platform, folder):
         folder.mkdir(parents=True, exist_ok=True)
         wheel = folder / "python_osc-1.10.2-py3-none-any.whl"
         wheel.write_bytes(b"w" * 5000)
@@ -50,11 +50,9 @@ def few_archives(monkeypatch):
 
 
 def test_checksums_notes_and_sizes(few_archives, tmp_path):
-    (tmp_path / "perfanim-0.0.1-py311-linux-x64.zip").write_bytes(b"of an earlier release")
+    (tmp_path / "perfanim-0.0.1-linux-x64.zip").write_bytes(b"of an earlier release")
     archives = make_release.make_release(tmp_path, tmp_path / "wheels")
-    assert [archive.name for archive in archives] == [
-        f"perfanim-{__version__}-py311-linux-x64.zip", f"perfanim-{__version__}-py313-linux-x64.zip"
-    ]  # fmt: skip
+    assert [archive.name for archive in archives] == [f"perfanim-{__version__}-linux-x64.zip"]
     assert sorted(tmp_path.glob("*.zip")) == sorted(archives)
     lines = (tmp_path / make_release.CHECKSUMS).read_text().splitlines()
     assert lines == [f"{hashlib.sha256(path.read_bytes()).hexdigest()}  {path.name}" for path in archives]
@@ -71,7 +69,7 @@ def test_checksums_notes_and_sizes(few_archives, tmp_path):
 
 
 def test_nothing_is_touched_without_notes(few_archives, tmp_path, monkeypatch):
-    old = tmp_path / "perfanim-0.0.1-py311-linux-x64.zip"
+    old = tmp_path / "perfanim-0.0.1-linux-x64.zip"
     old.write_bytes(b"of an earlier release")
     monkeypatch.setattr(make_release, "release_notes", lambda *_: (_ for _ in ()).throw(ValueError("no section")))
     with pytest.raises(ValueError, match="no section"):

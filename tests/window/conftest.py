@@ -9,7 +9,7 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))  # the tests share desktop.py
 
-from desktop import ROOT, BlenderWindow, Desktop, blender_python, build_archive, install
+from desktop import ROOT, BlenderWindow, Desktop, build_archive, install
 
 
 @pytest.fixture(scope="session")
@@ -25,7 +25,7 @@ def wrapper() -> str:
 def user(wrapper: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Blender's user folder with the extension's archive, built for this Blender's Python, installed in it."""
     user = tmp_path_factory.mktemp("blender-user")
-    install(wrapper, build_archive(blender_python(wrapper)), user)
+    install(wrapper, build_archive(), user)
     return user
 
 

@@ -249,17 +249,9 @@ def tallest_area(pixels: np.ndarray, colour: list[int], below: int = 0, toleranc
     return (columns.min() + columns.max()) / 2, float(row)
 
 
-def blender_python(wrapper: str) -> str:
-    """Return the version of that Blender's Python, like "3.13"."""
-    expression = "import sys; print('PYTHON', '%d.%d' % sys.version_info[:2])"
-    command = [wrapper, "blender", "--background", "--factory-startup", "--python-expr", expression]
-    done = subprocess.run(command, check=True, capture_output=True, text=True)
-    return next(line.split()[1] for line in done.stdout.splitlines() if line.startswith("PYTHON"))
-
-
-def build_archive(python: str) -> Path:
-    """Build the extension's archive for a Python, which need not be the one that this Blender has elsewhere."""
-    command = [sys.executable, str(ROOT / "tools" / "build_extension.py"), "--python", python, "--system-python"]
+def build_archive() -> Path:
+    """Build the extension's archive."""
+    command = [sys.executable, str(ROOT / "tools" / "build_extension.py")]
     done = subprocess.run(
         [*command, "--platform", "linux-x64", "--out", str(ROOT / "out" / "dist")],
         check=True,

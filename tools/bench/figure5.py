@@ -13,7 +13,6 @@ from perfanim.core.errors import DatabaseError
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.geometry.arrays import Array, IntArray
 from perfanim.core.solver.paper.local_model import fit
-from scipy.optimize import minimize
 
 from .plots import Line, Panel, check_plots, write_plot
 from .run import Run
@@ -232,6 +231,7 @@ def gplvm(examples: Array, truth: Array, dimensions: Sequence[int]) -> Array:
     of the closest example. Time grows with the cube of the number of examples: a few hundred are feasible.
     """
     import GPy
+    from scipy.optimize import minimize
 
     mean, scale = examples.mean(axis=0), examples.std()
     outputs, targets = (examples - mean) / scale, (truth - mean) / scale

@@ -20,7 +20,7 @@ from .plots import Line, Panel, check_plots, write_plot
 from .run import Run
 from .scenarios import BANDAI, CMU, LEFT_OUT, SPLIT, UNLIKE, WALKING, WITHOUT_PRIOR
 from .solving import true_subject
-from .speed import FIRST_FRAMES, frames_of, reference_ms, without_labels
+from .speed import FIRST_FRAMES, frames_without_labels, reference_ms
 
 _SIZES = (10_000, 86_000, 172_000, 400_000, 1_050_000)  # frames; the last is all there are, including mirror images
 _VARIED_FRAMES = 10_000_000  # including variations of everything
@@ -135,8 +135,8 @@ def _solve(truth: Motion, database: Database, settings: SolveSettings) -> tuple[
     """Return the milliseconds for each frame after the first, and the solved motion."""
     subject = true_subject(truth)
     session, taken, poses = Session(subject, database, settings=settings), [], []
-    for number, frame in enumerate(frames_of(truth, subject)):
-        unlabelled, before_s = without_labels(frame, number), time.process_time()
-        poses.append(session.step(unlabelled))
+    for frame in frames_without_labels(truth, subject):
+        before_s = time.process_time()
+        poses.append(session.step(frame))
         taken.append(1e3 * (time.process_time() - before_s))
     return np.array(taken[FIRST_FRAMES:]), motion_of(poses, subject, truth.name, truth.fps)

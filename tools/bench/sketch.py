@@ -15,6 +15,7 @@ from perfanim.core.body.calibration_poses import standing
 from perfanim.core.body.motion import Motion, resampled, sliced
 from perfanim.core.body.motion_metrics import evaluate
 from perfanim.core.body.skeleton import Skeleton, forward_kinematics
+from perfanim.core.body.window_filters import smallest
 from perfanim.core.database.store import Database
 from perfanim.core.geometry import quaternion_components as c
 from perfanim.core.geometry import rotations as rot
@@ -30,7 +31,6 @@ from perfanim.core.sketch.sketch_file import Control, Sketch
 from perfanim.core.sketch.solve_sketch import SketchSettings, SketchSolver, key_distances
 from perfanim.core.solver.settings import SolveSettings
 from perfanim.core.system.progress import no_progress
-from scipy.ndimage import minimum_filter1d
 
 from .run import Run
 from .scenarios import CMU, METHODS, SKETCHED, SKETCHED_FRESH, Take
@@ -180,7 +180,7 @@ def _glide_cm_s(motion: Motion) -> float:
     toes = positions[:, [motion.skeleton.index(name) for name in TOES]]
     speeds = np.linalg.norm(np.diff(toes[..., [0, 2]], axis=0), axis=-1) * motion.fps
     heights = 0.5 * (toes[1:, :, 1] + toes[:-1, :, 1])
-    lowest = minimum_filter1d(heights, 2 * round(motion.fps) + 1, axis=0, mode="nearest")
+    lowest = smallest(heights, round(motion.fps))
     return float(100.0 * speeds[heights < lowest + _LOW_M].mean())
 
 

@@ -7,6 +7,8 @@ import os
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
+from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
@@ -21,8 +23,10 @@ from perfanim.core.geometry.arrays import FloatArray, Image, IntArray
 from perfanim.core.kernel.library import use_kernel
 from perfanim.core.labelling.labeller import Labeller
 from perfanim.core.markers.marker_frame import MarkerFrame
+from perfanim.core.markers.prop import load_prop
 from perfanim.core.markers.subject import Subject
 from perfanim.core.markers.take_frames import take_frames
+from perfanim.core.session.multi_target_session import MultiTargetSession
 from perfanim.core.session.session import Session
 from perfanim.core.session.solve_take import solve_take
 from perfanim.core.simulate.simulated_markers import simulate_markers
@@ -54,6 +58,7 @@ _BLOCK = 40  # pairs of images in one measurement of processor time, because the
 _MARKERS, _MARKER_PX, _MARKER_LEVEL, _ROOM_LEVEL = 12, 3.0, 220.0, 16.0
 _IMAGES = 40
 _TURNS = 240  # frames solved by kernel and NumPy in turn
+_SCENE: Row = {"behaviour": "kendo", "prop": "sword", "partners": [{"behaviour": "boxing", "height_m": 1.65}]}
 _WARM_FRAMES = 20  # frames solved by each process before recorded takes are timed
 
 
@@ -77,7 +82,10 @@ def speed(run: Run) -> dict[str, Any]:
     database, takes = _part_of(run, whole), [run.read(take) for take in (WALKING, UNLIKE)]
     rows += _solving(takes[0], database)
     for title, truth in zip(("known", "unlike"), takes, strict=True):
-        rows += _by_both_bodies(title, truth, database)
+        subject = true_subject(truth)
+        frames = list(frames_without_labels(sliced(truth, 0, _TURNS), subject))
+        rows += _by_both_bodies(f"frame without labels, {title}", frames, partial(Session, subject, database))
+    rows += _scene(database)
     run.progress(0.8, "solving recorded takes")
     rows += _recorded(takes, database.path)
     machine = {"processors": os.cpu_count(), "load_before": load_before, "load_after": _load()}
@@ -221,10 +229,11 @@ def frames_of(truth: Motion, subject: Subject) -> Iterator[MarkerFrame]:
     return take_frames(simulate_markers(truth, subject)[0], subject.marker_set)
 
 
-def without_labels(frame: MarkerFrame, seed: int) -> MarkerFrame:
-    """Return a marker frame as cameras give it: in random order, without labels."""
-    order = np.random.default_rng(seed).permutation(len(frame.points_m))
-    return MarkerFrame(frame.number, frame.time_s, frame.points_m[order], frame.covariances_m2[order])
+def frames_without_labels(truth: Motion, subject: Subject) -> Iterator[MarkerFrame]:
+    """Yield the marker frames of a motion as cameras give them: in random order, without labels."""
+    for number, frame in enumerate(frames_of(truth, subject)):
+        order = np.random.default_rng(number).permutation(len(frame.points_m))
+        yield MarkerFrame(frame.number, frame.time_s, frame.points_m[order], frame.covariances_m2[order])
 
 
 def _solving(truth: Motion, database: Database) -> list[Row]:
@@ -238,22 +247,36 @@ def _solving(truth: Motion, database: Database) -> list[Row]:
     return rows.rows
 
 
-def _by_both_bodies(title: str, truth: Motion, database: Database) -> list[Row]:
-    """Time the live solve of a take's frames, without labels, by the kernel and by NumPy, frame by frame in turn."""
-    rows, subject = _Rows(), true_subject(truth)
-    bodies = {False: "NumPy", True: "kernel"} if use_kernel(True) else {}
-    sessions = {is_used: Session(subject, database) for is_used in bodies}
+def _scene(database: Database) -> list[Row]:
+    """Time the live solve of two performers and a sword, located in the images of two cameras."""
+    source, sword = open_simulated(_SCENE), load_prop(_SCENE["prop"])
+    pipeline = MarkerPipeline(source.rig, live_settings())
+    pipeline.learn_empty(list(source.background_frames(_EMPTY)))
+    frames = [pipeline.locate(pipeline.detect(source.frame(number))) for number in range(_TURNS)]
+    skeletons = [each.motion.skeleton for each in source.performance.everybody]
+    subjects = [replace(source.subject, name=str(number), skeleton=each) for number, each in enumerate(skeletons)]
+
+    def begin() -> MultiTargetSession:
+        return MultiTargetSession([Session(subject, database, source.rig) for subject in subjects], [sword])
+
+    return _by_both_bodies("two performers and a sword", frames, begin)
+
+
+def _by_both_bodies(
+    title: str, frames: Sequence[MarkerFrame], begin: Callable[[], Session | MultiTargetSession]
+) -> list[Row]:
+    """Time the live solve of frames by the kernel and by NumPy, frame by frame in turn."""
+    rows, bodies = _Rows(), {False: "NumPy", True: "kernel"} if use_kernel(True) else {}
+    sessions = {is_used: begin() for is_used in bodies}
     taken: dict[bool, list[float]] = {is_used: [] for is_used in bodies}
-    for number, frame in enumerate(frames_of(sliced(truth, 0, _TURNS), subject)):
+    for number, frame in enumerate(frames):
         for is_used in sorted(bodies, reverse=bool(number % 2)):
             use_kernel(is_used)
-            taken[is_used].append(_times(sessions[is_used].step, [without_labels(frame, number)])[0, 1])
+            taken[is_used].append(_times(sessions[is_used].step, [frame])[0, 1])
     for is_used, name in bodies.items():
         milliseconds = taken[is_used][FIRST_FRAMES:]
-        rows.add(f"frame without labels, {title}, {name}: median", float(np.median(milliseconds)), clock="processor")
-        rows.add(
-            f"frame without labels, {title}, {name}: p99", float(np.percentile(milliseconds, 99)), clock="processor"
-        )
+        rows.add(f"{title}, {name}: median", float(np.median(milliseconds)), clock="processor")
+        rows.add(f"{title}, {name}: p99", float(np.percentile(milliseconds, 99)), clock="processor")
     return rows.rows
 
 

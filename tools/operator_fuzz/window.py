@@ -14,7 +14,7 @@ from typing import Any
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tests" / "helpers"))
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tests" / "window"))
 
-from desktop import BlenderWindow, Desktop, blender_python, build_archive, install
+from desktop import BlenderWindow, Desktop, build_archive, install
 
 from .errors import errors_in
 
@@ -28,7 +28,7 @@ def run_window(seed: int, first: int, stop: int, until_s: float) -> Iterator[dic
     wrapper = os.environ["BLENDER"]
     with tempfile.TemporaryDirectory(prefix="operator-fuzz-") as name:
         installed = Path(name) / "installed"
-        install(wrapper, build_archive(blender_python(wrapper)), installed)
+        install(wrapper, build_archive(), installed)
         desktop = Desktop(wrapper, Path(name) / "pictures")
         try:
             at = first

@@ -5,6 +5,7 @@
 #include "assignment.h"
 #include "fit.h"
 #include "learned.h"
+#include "points.h"
 #include "prior.h"
 #include "rigid.h"
 #include "search.h"

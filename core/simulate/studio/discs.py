@@ -4,15 +4,16 @@ A sharp disc a few pixels wide, sampled by square pixels, has a centroid that is
 is that sharp. The disc's coverage is therefore computed exactly on a finer grid, then blurred and summed into pixels.
 """
 
+import math
 from functools import lru_cache
 
 import numpy as np
-from scipy.special import ndtr
 
 from ...geometry.arrays import Array, Image
 
 _LINES = 16  # lines per pixel in y
 _CELLS = 4  # cells per pixel in x, covered exactly
+_error_function = np.vectorize(math.erf, otypes=[float])
 
 
 def disc_light(centres: Array, radius: float, blur_px: float) -> tuple[int, int, Array]:
@@ -51,8 +52,8 @@ def _gather(pixels: int, cells: int, blur_px: float) -> Array:
     offset = place - np.arange(-margin, pixels + margin)[:, None]
     if blur_px == 0.0:
         return np.where(np.abs(offset) < 0.5, 1.0, 0.0) / cells
-    weights: Array = (ndtr((offset + 0.5) / blur_px) - ndtr((offset - 0.5) / blur_px)) / cells
-    return weights
+    upper, lower = (_error_function((offset + half) / (math.sqrt(2.0) * blur_px)) for half in (0.5, -0.5))
+    return np.asarray(0.5 * (upper - lower) / cells)
 
 
 def draw_disc(image: Image, centres: Array, radius: float, colour: Array, blur_px: float = 0.0) -> None:

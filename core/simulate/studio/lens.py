@@ -1,10 +1,10 @@
 """Undistorted coordinates of pixel grids."""
 
 import numpy as np
-from scipy.interpolate import RectBivariateSpline
 
 from ...geometry.arrays import Array
 from ...geometry.camera import Camera
+from ...geometry.cubic_curves import cubic_spline
 
 
 def undistorted_grid(camera: Camera, xs: Array, ys: Array) -> Array:
@@ -15,8 +15,8 @@ def undistorted_grid(camera: Camera, xs: Array, ys: Array) -> Array:
     """
     nodes_x, nodes_y = _nodes(xs), _nodes(ys)
     coarse = camera.undistort(np.stack(np.meshgrid(nodes_x, nodes_y), axis=-1))
-    fine = [RectBivariateSpline(nodes_y, nodes_x, coarse[..., i])(ys, xs) for i in (0, 1)]
-    return np.stack(fine, axis=-1)
+    rows = cubic_spline(nodes_y, coarse, ys)
+    return cubic_spline(nodes_x, rows.swapaxes(0, 1), xs).swapaxes(0, 1)
 
 
 def _nodes(values: Array) -> Array:

@@ -13,6 +13,7 @@ from ...errors import CalibrationError, counted
 from ...geometry import rotations as rot
 from ...geometry.arrays import Array, FloatArray
 from ...geometry.camera import Camera, CameraRig
+from ...geometry.least_squares import NormalEquations, levenberg_marquardt
 from ...geometry.triangulation import triangulate
 from ..matching.stereo import StereoMatcher
 
@@ -29,6 +30,7 @@ class RefinementSettings:
     bump_sigmas: tuple[float, ...] = (0.03, 0.03, 0.03, 0.02, 0.02, 0.02)
     systematic_px: float = 0.3  # errors shared by all markers at the same place in the image
     independent: float = 100.0  # number of independent points that carry as much information as all correlated ones
+    step: float = 1e-6  # step of finite differences, in standard deviations of a bump
     robust_px: float = 0.5  # scale of the soft L1 loss
     least_points: int = 200
     least_frames: int = 20
@@ -139,11 +141,17 @@ def _fit_cameras(rig: CameraRig, observed: Array, weights: Array) -> tuple[Camer
         errors = np.sign(errors) * np.sqrt(2.0 * (np.sqrt(1.0 + errors**2) - 1.0))
         return np.concatenate((errors * scale, unknown / usual))
 
-    from scipy.optimize import least_squares  # slow to load; a capture does without, unless a camera was bumped
+    def linearise(unknown: Array) -> NormalEquations:
+        here, steps = residuals(unknown), np.diag(_REFINEMENT.step * usual)
+        jacobian = np.stack([(residuals(unknown + step) - here) / step.sum() for step in steps], axis=1)
+        return NormalEquations(jacobian.T @ jacobian, jacobian.T @ here, float(here @ here))
 
-    result = least_squares(residuals, np.zeros(len(usual)), bounds=(-10.0 * usual, 10.0 * usual), x_scale=usual)
-    covariance = np.linalg.inv(result.jac.T @ result.jac)
-    return _move_cameras(rig, result.x), _depth_sigma(rig, result.x, covariance, observed, weights)
+    def move(unknown: Array, step: Array) -> Array:
+        return np.clip(unknown + step, -10.0 * usual, 10.0 * usual)
+
+    found, near = levenberg_marquardt(np.zeros(len(usual)), linearise, move)
+    covariance = np.linalg.inv(near.matrix)
+    return _move_cameras(rig, found), _depth_sigma(rig, found, covariance, observed, weights)
 
 
 def _depth_sigma(rig: CameraRig, found: Array, covariance: Array, observed: Array, weights: Array) -> float:

@@ -32,7 +32,7 @@ def fresh(extension: str) -> Iterator[str]:
     forget()
 
 
-@pytest.mark.parametrize("library", ["numpy", "scipy"])
+@pytest.mark.parametrize("library", ["numpy", "cv2"])
 def test_without_a_library_preferences_and_diagnostics_remain(
     fresh: str, library: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -54,10 +54,10 @@ def test_without_a_library_preferences_and_diagnostics_remain(
 def test_whatever_a_broken_library_raises_is_told(fresh: str, monkeypatch: pytest.MonkeyPatch) -> None:
     class Broken:
         def find_spec(self, name: str, path: object = None, target: object = None) -> None:
-            if name == "scipy":
+            if name == "cv2":
                 raise ValueError("numpy.dtype size changed, may indicate binary incompatibility")
 
-    for name in [name for name in sys.modules if name == "scipy" or name.startswith("scipy.")]:
+    for name in [name for name in sys.modules if name == "cv2" or name.startswith("cv2.")]:
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setattr(sys, "meta_path", [Broken(), *sys.meta_path])
     assert addon_utils.enable(fresh, default_set=True) is not None

@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 from perfanim.core.geometry import point_patterns
 from perfanim.core.geometry import rotations as rot
-from perfanim.core.geometry.point_patterns import match_rigid_pattern, place_pattern, planarity_m
+from perfanim.core.geometry.point_patterns import match_rigid_pattern, place_pattern, planarity_m, point_distances
+from scipy.spatial.distance import cdist
 
 CHANCE = np.random.default_rng(7)
 PATTERN_M = np.array([[0.0, 0.0, 0.0], [0.3, 0.0, 0.0], [0.0, 0.5, 0.0], [0.1, 0.1, 0.7]])
@@ -14,6 +15,12 @@ PLACED_M = rot.rotate(TURN, PATTERN_M) + SHIFT
 def matched(points_m: np.ndarray, fewest: int = 4, allowed: np.ndarray | None = None) -> list[list[int]]:
     tolerances_m = np.full((len(points_m), len(points_m)), 0.01)
     return match_rigid_pattern(points_m, SPANS_M, tolerances_m, fewest, allowed).tolist()
+
+
+def test_distances_between_points_are_scipys() -> None:
+    for count, other in ((0, 3), (4, 0), (7, 5)):
+        points_m, others_m = CHANCE.normal(size=(count, 3)), CHANCE.normal(size=(other, 3))
+        np.testing.assert_allclose(point_distances(points_m, others_m), cdist(points_m, others_m), rtol=1e-14)
 
 
 def test_a_pattern_is_found_among_other_points() -> None:
