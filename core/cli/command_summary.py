@@ -67,8 +67,8 @@ def _cut_rows(rows: list[str]) -> list[str]:
 
 
 def _row_value(key: str, value: Any) -> str:
-    """Return a value of a row; fractional numbers are shown with their name."""
-    return f"{key.replace('_', ' ')} {_short(value)}" if isinstance(value, float) else str(value)
+    """Return a value of a row; fractional numbers and tables are shown with their name."""
+    return f"{key.replace('_', ' ')} {_short(value)}" if isinstance(value, float | dict) else _short(value)
 
 
 def _short(value: Any) -> str:
@@ -76,4 +76,4 @@ def _short(value: Any) -> str:
         return f"{value:.4g}"
     if isinstance(value, dict):
         return " ".join(f"{key}={_short(item)}" for key, item in value.items() if item is not None)
-    return str(value)
+    return "; ".join(map(_short, value)) if isinstance(value, list) else str(value)

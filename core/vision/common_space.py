@@ -18,12 +18,12 @@ class CommonSpace:
     seen: Mask  # (Z, X) positions where all cameras see a whole performer
     # largest rectangle of seen positions: lowest x and z, highest x and z; zeros if there is none
     rectangle_m: tuple[float, float, float, float]
+    sharper_m: tuple[float, float, float, float]  # the same with images of twice the resolution
 
     @property
     def size_m(self) -> tuple[float, float]:
         """Width (x) and depth (z) of the rectangle."""
-        left, back, right, front = self.rectangle_m
-        return right - left, front - back
+        return _size_m(self.rectangle_m)
 
     @property
     def outline_m(self) -> Array:
@@ -41,11 +41,15 @@ class CommonSpace:
 
     @property
     def text(self) -> str:
-        """Size of the rectangle as a sentence."""
+        """Size of the rectangle as a sentence, and that with sharper images if it is at least twice as large."""
         width, depth = self.size_m
         if min(width, depth) <= 0.0:
             return "nowhere do all cameras see you from head to foot: move them back, or turn them to the same place"
-        return f"you may walk {width:.1f} x {depth:.1f} m"
+        wider, deeper = _size_m(self.sharper_m)
+        more = (
+            f"; with images twice as wide {wider:.1f} x {deeper:.1f} m" if wider * deeper > 2.0 * width * depth else ""
+        )
+        return f"you may walk {width:.1f} x {depth:.1f} m{more}"
 
 
 def common_space(
@@ -69,10 +73,15 @@ def common_space(
     corners = [(x, y, z) for x in (-around_m, around_m) for y in (0.0, height_m) for z in (-around_m, around_m)]
     floor = np.stack((*np.meshgrid(x_m, z_m), np.zeros((len(z_m), len(x_m)))), axis=-1)[..., [0, 2, 1]]
     points = floor[..., None, :] + np.array(corners)
-    farthest_m = marker_radius_m / smallest_px
-    seen = [(c.shows(points) & (depths(c, points) < farthest_m * c.focal_px)).all(axis=-1) for c in rig.cameras]
-    space = np.all(seen, axis=0)
-    return CommonSpace(x_m, z_m, space, _largest_rectangle(space, x_m, z_m))
+    shown = np.all([camera.shows(points).all(axis=-1) for camera in rig.cameras], axis=0)
+    far = np.max([depths(camera, points).max(axis=-1) / camera.focal_px for camera in rig.cameras], axis=0)
+    space, sharper = (shown & (far < share * marker_radius_m / smallest_px) for share in (1.0, 2.0))
+    return CommonSpace(x_m, z_m, space, _largest_rectangle(space, x_m, z_m), _largest_rectangle(sharper, x_m, z_m))
+
+
+def _size_m(rectangle_m: tuple[float, float, float, float]) -> tuple[float, float]:
+    left, back, right, front = rectangle_m
+    return right - left, front - back
 
 
 def _largest_rectangle(seen: Mask, x_m: Array, z_m: Array) -> tuple[float, float, float, float]:

@@ -9,6 +9,7 @@ import numpy as np
 from ...core.body.scene_pose import ScenePose
 from ...core.body.skeleton import Skeleton, forward_kinematics
 from ...core.markers.subject import Subject
+from ..character.body_mesh import remove_body
 from ..character.create_character import create_character
 from ..character.free_place import find_free_position, look_at
 from ..settings import target_settings
@@ -93,7 +94,10 @@ def copy_targets(context: bpy.types.Context, subject: Subject) -> list[Performer
 
 
 def add_character(context: bpy.types.Context, skeleton: Skeleton) -> str:
-    """Add a character in a free position and choose it; return its name."""
+    """Add a character in a free position and choose it, in place of one that was deleted; return its name."""
+    before = settings(context).armature
+    if before is not None and not _is_in_scene(before):
+        remove_body(before)
     place = find_free_position(context)
     name = create_character(context, skeleton)
     character = bpy.data.objects[name]

@@ -70,7 +70,7 @@ def show_pictures(
     made = []
     for camera, film, begins_s in zip(rig.cameras, films, starts_s, strict=True):
         obj = _camera_object(context, camera, to_scene)
-        _show_behind(context, obj.data, camera, film, film.fps or own_fps, (poses_s[0] - begins_s, start_frame))
+        _show_behind(context, obj.data, film, film.fps or own_fps, (poses_s[0] - begins_s, start_frame))
         made.append(str(obj.name))
     return made
 
@@ -121,16 +121,18 @@ def _camera_object(
     obj.rotation_mode = "QUATERNION"
     obj.rotation_quaternion, obj.location = Quaternion(turn), Vector(place)
     width, height = camera.image_size
-    data.sensor_fit, data.sensor_width = "HORIZONTAL", _SENSOR_MM
-    data.lens = _SENSOR_MM * camera.matrix[0, 0] / width
-    data.shift_x = (0.5 * (width - 1) - camera.matrix[0, 2]) / width
-    data.shift_y = (camera.matrix[1, 2] - 0.5 * (height - 1)) / width
+    render = context.scene.render
+    is_wide = width * render.resolution_y >= height * render.resolution_x
+    side, focal_px = (width, camera.matrix[0, 0]) if is_wide else (height, camera.matrix[1, 1])
+    data.sensor_fit = "HORIZONTAL" if is_wide else "VERTICAL"  # the view's border is around the whole picture
+    data.sensor_width = data.sensor_height = _SENSOR_MM
+    data.lens = _SENSOR_MM * focal_px / side
+    data.shift_x = (0.5 * (width - 1) - camera.matrix[0, 2]) / side
+    data.shift_y = (camera.matrix[1, 2] - 0.5 * (height - 1)) / side
     return obj
 
 
-def _show_behind(
-    context: bpy.types.Context, data: Any, camera: Camera, film: _Film, fps: float, start: tuple[float, float]
-) -> None:
+def _show_behind(context: bpy.types.Context, data: Any, film: _Film, fps: float, start: tuple[float, float]) -> None:
     """Show the pictures behind a camera, in time.
 
     Args:
@@ -141,11 +143,7 @@ def _show_behind(
     if not film.fps:
         image.source = "SEQUENCE"
     shown = data.background_images.new()
-    shown.image, shown.alpha = image, 1.0
-    width, height = camera.image_size
-    render = context.scene.render
-    is_wide = width * render.resolution_y >= height * render.resolution_x
-    shown.frame_method = "FIT" if is_wide else "CROP"  # the picture is as wide as the view
+    shown.image, shown.alpha, shown.frame_method = image, 1.0, "FIT"
     user = shown.image_user
     user.frame_duration, user.frame_start, user.use_auto_refresh = _MOST_FRAMES, 1, True
     share, last = fps / scene_fps(context.scene), film.first + film.count - 1

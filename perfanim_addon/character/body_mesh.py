@@ -136,6 +136,13 @@ def add_body(
     return obj
 
 
+def remove_body(armature_object: bpy.types.Object) -> None:
+    """Remove the body of a character that was deleted: Blender deletes what is selected, but not its children."""
+    for child in armature_object.children:
+        if child.name == armature_object.name + " body":
+            bpy.data.objects.remove(child)
+
+
 def _add_groups(obj: bpy.types.Object, skeleton: Skeleton, weights: Array) -> None:
     kept = np.where(weights < _FIT.least_weight, 0.0, weights)
     kept /= kept.sum(axis=1, keepdims=True)

@@ -16,9 +16,9 @@ from ..capture.performer_targets import add_character
 from ..export.export_animation import ENDINGS, Form, export_poses
 from ..panels.takes_panel import KEY as PANEL
 from ..preferences.paths import absolute
-from ..preferences.property_kinds import choice, number, property_column, switch, whole_number
+from ..preferences.property_kinds import choice, draw_rate, number, property_column, switch, whole_number
 from ..settings.batch_settings import NAMINGS
-from .operator_bases import PanelOperator, report_error
+from .operator_bases import PanelOperator, last_folders, report_error
 from .put_on_character import TakeOperator, recorded_poses, take_motion
 
 _MOTIONS = {"VRMA": VRMA, "ANGLES": ANGLES}  # written without Blender and without a character
@@ -57,9 +57,10 @@ class PERFANIM_OT_export_take(TakeOperator, PanelOperator, bpy.types.Operator, E
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         try:
-            self.filepath = bpy.path.clean_name(summarise(self.path).notes.name) + _ENDINGS[self.kind]
+            name = bpy.path.clean_name(summarise(self.path).notes.name) + _ENDINGS[self.kind]
         except PerfanimError as error:
             return report_error(self, PANEL, error)
+        self.filepath = str(Path(last_folders.get(type(self).__name__, "")) / name)
         context.window_manager.fileselect_add(self)
         return {"RUNNING_MODAL"}
 
@@ -70,7 +71,7 @@ class PERFANIM_OT_export_take(TakeOperator, PanelOperator, bpy.types.Operator, E
         if len(names) > 1:
             column.prop(self, "performer")
             column.label(text=names[min(self.performer, len(names)) - 1], icon="USER")
-        column.prop(self, "rate")
+        draw_rate(column, self, "rate")
         if self.kind != "VRMA":
             column.prop(self, "naming")
         if self.kind == "BVH":
@@ -90,6 +91,7 @@ class PERFANIM_OT_export_take(TakeOperator, PanelOperator, bpy.types.Operator, E
 
     def run(self, context: bpy.types.Context) -> str:
         target = Path(absolute(self._with_ending()))
+        last_folders[type(self).__name__] = str(target.parent)
         take = read_take_file(self.path)
         motion = take_motion(context, take)
         poses, count, index = recorded_poses(take, motion), len(motion.performers), self.performer - 1

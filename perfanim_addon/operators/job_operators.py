@@ -15,9 +15,7 @@ from ..jobs.job import Job, command
 from ..preferences import preferences
 from ..preferences.property_kinds import HIDDEN
 from ..viewport import picture_overlay
-from .operator_bases import CheckedOperator, RunningOperator, defect, need, report_error
-
-_folders: dict[str, str] = {}  # operator -> folder chosen last
+from .operator_bases import CheckedOperator, RunningOperator, defect, last_folders, need, report_error
 
 
 class JobOperator(CheckedOperator):
@@ -110,12 +108,12 @@ class FilesOperator(ImportHelper):
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         # Blender would keep the folder only of a job that succeeds
-        self.filepath = _folders.get(type(self).__name__, self.filepath)
+        self.filepath = last_folders.get(type(self).__name__, self.filepath)
         return set(ImportHelper.invoke(self, context, event))
 
     def chosen_files(self) -> list[str]:
         """Return the chosen files, or the folder if no file is chosen."""
-        _folders[type(self).__name__] = self.directory
+        last_folders[type(self).__name__] = self.directory
         files = [str(Path(self.directory) / item.name) for item in self.files if item.name]
         return files or [self.filepath or self.directory]
 

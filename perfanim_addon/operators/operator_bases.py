@@ -9,6 +9,10 @@ import bpy
 
 from ...core.errors import CaptureError, PerfanimError
 from ..jobs import activity
+from ..panels.panel_drawing import wrapped
+
+_POP_UP_CHARACTERS = 80  # in a line of the pop-up that shows an error
+last_folders: dict[str, str] = {}  # operator -> folder chosen last
 
 
 def need(is_met: Callable[[bpy.types.Context], object], text: str) -> Any:
@@ -98,5 +102,5 @@ def report_error(operator: bpy.types.Operator, panel: str, error: PerfanimError)
     """Report an error, show it in the panel, and cancel."""
     text = str(error)
     activity.set_message(panel, text, "ERROR")
-    operator.report({"ERROR"}, text)
+    operator.report({"ERROR"}, " \n".join(wrapped(text, _POP_UP_CHARACTERS)))  # Blender cuts lines that are too wide
     return {"CANCELLED"}

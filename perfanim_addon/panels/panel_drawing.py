@@ -94,7 +94,7 @@ def shortened(text: str, width: int) -> str:
 def wrapped(text: str, width: int) -> list[str]:
     """Return the text in lines of at most `width` characters.
 
-    Long words are cut; no-break spaces keep words together.
+    Long words are cut, paths behind one of their folders; no-break spaces keep words together.
     """
     lines: list[str] = []
     for word in re.findall(r"[^ \n]+", text):
@@ -102,6 +102,7 @@ def wrapped(text: str, width: int) -> list[str]:
             lines[-1] += f" {word}"
         else:
             lines.append(word)
-        while len(lines[-1]) > width:
-            lines[-1:] = [lines[-1][:width], lines[-1][width:]]
+        while len(line := lines[-1]) > width:
+            cut = max(line.rfind(mark, 1, width) for mark in "/\\_-") + 1 or width
+            lines[-1:] = [line[:cut], line[cut:]]
     return lines

@@ -8,7 +8,7 @@ import bpy
 from ..capture.live_capture import running_capture
 from ..preferences import body_network, preferences
 from ..preferences.paths import ADDON
-from ..preferences.property_kinds import draw_props, property_column
+from ..preferences.property_kinds import draw_props, draw_rate, property_column
 from ..preferences.sidebar_tab import SidebarPanel
 from ..settings import camera_choice, ignored_places, readiness
 from ..settings.capture_settings import settings
@@ -32,7 +32,8 @@ def draw_source(layout: bpy.types.UILayout, chosen: Any) -> None:
                 layout.template_icon_view(chosen, f"{side}_camera", show_labels=True, scale=4.0)
         if chosen.right_device != camera_choice.NONE:
             layout.prop(chosen, "further_devices")
-        draw_props(layout, chosen, "width", "height", "camera_fps")
+        draw_props(layout, chosen, "width", "height")
+        draw_rate(layout, chosen, "camera_fps")
     elif not readiness.has_cameras(chosen):
         draw_props(layout, chosen.id_data.perfanim_receiving, "port", "sender")
     elif chosen.source == "VIDEOS":

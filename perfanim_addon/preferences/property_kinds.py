@@ -83,6 +83,11 @@ def draw_props(layout: bpy.types.UILayout, owner: Any, *names: str) -> None:
         layout.prop(owner, name)
 
 
+def draw_rate(layout: bpy.types.UILayout, owner: Any, name: str) -> None:
+    """Draw a rate, for which 0 means that of the cameras or the take themselves."""
+    layout.prop(owner, name, text="Rate (Hz)" if getattr(owner, name) else "Rate (0: own)")
+
+
 def property_column(layout: bpy.types.UILayout) -> bpy.types.UILayout:
     """Add a column of properties with their names on the left."""
     column = layout.column()

@@ -44,19 +44,11 @@ def stood(done: dict[str, Any], motion: Motion, first: int = 1) -> Stood:
     soles = np.array(
         [_lowest(armature_object, ends, first + frame, ankles[frame], scale) for frame in range(motion.frames)]
     )
-    rest = {
-        name: np.array(armature_object.matrix_world @ armature_object.data.bones[name].matrix_local) for name in feet
-    }
-    balls = []
-    for side, foot in zip("lr", feet, strict=True):
-        toes = bones.get(side + "toes")
-        place = (
-            np.array(armature_object.matrix_world @ armature_object.data.bones[toes].head_local)
-            if toes
-            else rest[foot][:3, 3] + scale * np.array([0.0, -0.13, -0.04])
-        )
-        own = np.linalg.inv(rest[foot]) @ np.append(place, 1.0)
-        balls.append((matrices[foot] @ own)[:, :3])
+    own = scale / done["scale"]
+    balls = [
+        (matrices[foot] @ [*(ball / own), 1.0])[:, :3]
+        for foot, ball in zip(feet, done.get("balls") or _balls(done), strict=True)
+    ]
     positions, _ = forward_kinematics(motion.skeleton, motion.rotations, motion.root_positions_m)
     own_balls = positions[:, [motion.skeleton.index(side + "toes") for side in "lr"]]
     speed = np.linalg.norm(np.diff(own_balls, axis=0, prepend=own_balls[:1]), axis=-1) * motion.fps
@@ -72,8 +64,9 @@ def stood(done: dict[str, Any], motion: Motion, first: int = 1) -> Stood:
 def read_back(done: dict[str, Any], fps: float) -> tuple[dict[str, Any], int]:
     """Open what `retarget_file` has written as FBX or glTF; return its report for that scene, and its first frame."""
     before = _world_scale(done)
-    # the formats keep no tails of bones: on a character without a mesh, the points that are looked at come along
+    # the formats keep no tails of bones and, without a mesh, no rest pose: the points that are looked at come along
     ends = _ends(bpy.data.objects[done["armature"]], [done["mapped"][side + "foot"] for side in "lr"])
+    balls = _balls(done)
     bpy.ops.wm.read_factory_settings(use_empty=True)
     bpy.context.scene.render.fps = round(fps)
     is_fbx = done["out"].endswith(".fbx")
@@ -84,7 +77,23 @@ def read_back(done: dict[str, Any], fps: float) -> tuple[dict[str, Any], int]:
     again = done | {"armature": next(obj.name for obj in bpy.data.objects if obj.type == "ARMATURE")}
     if is_fbx:
         _disconnect(bpy.data.objects[again["armature"]])
-    return again | {"scale": done["scale"] * before / _world_scale(again), "ends": ends}, int(is_fbx)
+    return again | {"scale": done["scale"] * before / _world_scale(again), "ends": ends, "balls": balls}, int(is_fbx)
+
+
+def _balls(done: dict[str, Any]) -> list[np.ndarray]:
+    """For each foot the place of its ball in the bone's axes, in units of the scene."""
+    armature_object, bones, own = bpy.data.objects[done["armature"]], done["mapped"], _world_scale(done)
+    found = []
+    for side in "lr":
+        rest = np.array(armature_object.matrix_world @ armature_object.data.bones[bones[side + "foot"]].matrix_local)
+        toes = bones.get(side + "toes")
+        place = (
+            np.array(armature_object.matrix_world @ armature_object.data.bones[toes].head_local)
+            if toes
+            else rest[:3, 3] + done["scale"] * own * np.array([0.0, -0.13, -0.04])
+        )
+        found.append(own * (np.linalg.inv(rest) @ np.append(place, 1.0))[:3])
+    return found
 
 
 def _disconnect(armature_object: bpy.types.Object) -> None:

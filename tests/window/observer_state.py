@@ -54,6 +54,7 @@ def capture_facts():
         run = getattr(activity, "run", None)
         if run is not None:
             facts["phase"] = run.phase.name
+            facts["recording"] = getattr(activity, "recording", None) is not None
             facts["line"] = run.activity
             facts["notices"] = run.notices
             facts["statistics"] = vars(run.statistics)

@@ -21,6 +21,7 @@ OPENED_S = 10.0  # in which a busy machine has opened a menu
 BESIDE_PX, CLEAR_PX, HALF_ROW_PX = 6, 80, 10  # the free part of a heading: from its word, width, half its height
 _EDGE_PX = 4  # from the sidebar's edge: beside the lists, which would scroll themselves
 PATH_PX = 510  # from the word Bookmarks in the file browser to the middle of the path
+LIST_PX = 300  # from there down into the list of files
 
 
 @dataclass(frozen=True)
@@ -123,6 +124,8 @@ class Hand:
     def save_in(self, folder: Path) -> None:
         """Go to a folder in the file browser and save there under the name that is offered."""
         self._go_to(folder)
+        place = self.find("Bookmarks")
+        self._desktop.move(place.x + PATH_PX, place.y + LIST_PX)  # a button under the pointer, as Cancel, takes the key
         self._desktop.key("Return")
         self._wait_for_no_browser()
 

@@ -1,13 +1,13 @@
 """Steps of an animator's work by mouse and keyboard, for tests and for the walk of `make walks`."""
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from desktop import DRAWING_S, BlenderWindow, Desktop
-from pointing import Hand
+from pointing import TRIES, Hand
 
 CAPTURED = 30  # frames, after which a capture is on its way
 GUIDED_S = 400.0  # for a button of the guide
@@ -47,10 +47,10 @@ def use_active(hand: Hand, window: BlenderWindow, picture: str) -> str:
 def record(hand: Hand, window: BlenderWindow, picture: str, by_button: bool = False) -> None:
     """Start Capture, wait for some frames, Stop Capture; with Record and Stop Recording between, rehearsed before."""
     before = len(window.state()["actions"])
-    hand.click(START, sidebar=True)
+    begin(window, hand, START)
     wait_for_frames(window, 0)
     if by_button:
-        hand.click("Record", sidebar=True)
+        begin(window, hand, "Record", lambda s: bool(s["capture"].get("recording")))
         wait_for_frames(window, received(window.state()))
         hand.shot(picture)
         hand.click("Stop Recording", sidebar=True)
@@ -77,11 +77,28 @@ def said_of_takes(window: BlenderWindow, word: str) -> str:
     return str(window.wait(said, f"{word!r} in the Takes panel")["capture"]["messages"]["takes"])
 
 
+def is_busy(state: dict[str, Any]) -> bool:
+    return bool(state["capture"]["activity"])
+
+
+def begin(
+    window: BlenderWindow, hand: Hand, button: str, has_begun: Callable[[dict[str, Any]], bool] = is_busy
+) -> None:
+    """Click on a button until its work has begun: a busy machine loses clicks."""
+    for _ in range(TRIES):
+        hand.away()
+        hand.click(button, sidebar=True)
+        limit = time.monotonic() + DRAWING_S / 3.0
+        while time.monotonic() < limit:
+            if has_begun(window.state()):
+                return
+            time.sleep(0.2)
+    raise AssertionError(f"{button}: {hand.shot('not-begun')}")
+
+
 def press(window: BlenderWindow, hand: Hand, button: str, panel: str) -> str:
     """Click on the guide's button, wait for the end of its work, and return what the panel says."""
-    hand.away()
-    hand.click(button, sidebar=True)
-    window.wait(lambda s: s["capture"]["activity"], f"start of {button}", DRAWING_S)
+    begin(window, hand, button)
     state = window.wait(lambda s: s["capture"]["activity"] is None, f"end of {button}", GUIDED_S)
     return str(state["capture"]["messages"].get(panel))
 

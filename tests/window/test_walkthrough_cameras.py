@@ -24,7 +24,7 @@ from perfanim.core.simulate.studio.simulated_source import open_simulated
 from perfanim.core.simulate.studio.studio_rig import default_rig
 from perfanim.core.vision.calibration.calibration_board import parse_board
 from pointing import Hand
-from sidebar_steps import opened, received, wait_for_frames
+from sidebar_steps import begin, opened, received, wait_for_frames
 from test_walkthrough import desktop  # noqa: F401 - the fixture
 
 pytestmark = pytest.mark.walkthrough
@@ -66,19 +66,6 @@ def choose(window: BlenderWindow, hand: Hand, setting: tuple[str, str], shown: t
     raise AssertionError(f"{setting}: {hand.shot('not-chosen')}")
 
 
-def press(window: BlenderWindow, hand: Hand, button: str) -> None:
-    """Click on a button until its work has begun."""
-    for _ in range(TRIES):
-        hand.away()
-        hand.click(button, sidebar=True)
-        limit = time.monotonic() + DRAWING_S / 3.0
-        while time.monotonic() < limit:
-            if window.state()["capture"]["activity"]:
-                return
-            time.sleep(0.2)
-    raise AssertionError(f"{button}: {hand.shot('not-begun')}")
-
-
 def enter(window: BlenderWindow, hand: Hand, setting: str, text: str, name: str) -> None:
     """Type a setting's value, again where a busy machine has not taken two clicks for a double click."""
     for _ in range(TRIES):
@@ -116,7 +103,7 @@ def test_a_sword_is_followed(desktop: Desktop, window: BlenderWindow) -> None:  
         with holding(desktop, "shift"):
             hand.click(shown, sidebar=True, lowest=True)
     hand.shot("drawn")
-    press(window, hand, "Start Capture")
+    begin(window, hand, "Start Capture")
     wait_for_frames(window, 0)
     hand.shot("live")
     wait_for_frames(window, received(window.state()) + 60)
@@ -200,7 +187,7 @@ def test_three_cameras_are_calibrated_by_charuco_board_and_floor_markers_and_fol
         enter(window, hand, setting, text, name)
     hand.shot("settings")
     put_before_the_cameras(plugged_in, "board")
-    press(window, hand, "Calibrate with Board")
+    begin(window, hand, "Calibrate with Board")
     window.wait(lambda s: views(s) >= 4, "views")
     hand.shot("board")
     window.wait(lambda s: views(s) >= ENOUGH_VIEWS, "enough views", 600.0)
@@ -209,7 +196,7 @@ def test_three_cameras_are_calibrated_by_charuco_board_and_floor_markers_and_fol
     hand.shot("calibrated")
     assert said.startswith(("good", "usable")), said
     put_before_the_cameras(plugged_in, "floor")
-    press(window, hand, "Set Floor from Markers")
+    begin(window, hand, "Set Floor from Markers")
     window.wait(lambda s: s["preview"]["shown"], "a preview")
     desktop.screenshot("three-cameras-floor")  # it is soon over
     said = told(window, "cameras")
@@ -226,7 +213,7 @@ def test_three_cameras_are_calibrated_by_charuco_board_and_floor_markers_and_fol
     hand.toggle("Capture")
     hand.click("Markers", sidebar=True, lowest=True)
     put_before_the_cameras(plugged_in, "performer")
-    press(window, hand, "Start Capture")
+    begin(window, hand, "Start Capture")
     wait_for_frames(window, 60)
     hand.shot("live")
     wait_for_frames(window, 150)

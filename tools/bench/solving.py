@@ -164,11 +164,13 @@ def coverage(cases: Sequence[Expected], names: Sequence[str]) -> dict[str, Any]:
     """Return the shares of errors within twice the expected error, the 95 % intervals.
 
     Returns:
-        frames, parts, joints, and by_joint (the share for each name).
+        frames, parts, joints, by_part and by_joint (the share for each name).
     """
     parts, joints = (np.concatenate([getattr(case, name) for case in cases]) for name in ("parts", "joints"))
-    by_joint = {name: share_within(column) for name, column in zip(names, joints.T, strict=True)}
-    return {"frames": len(parts), "parts": share_within(parts), "joints": share_within(joints), "by_joint": by_joint}
+    shares: dict[str, Any] = {"frames": len(parts), "parts": share_within(parts), "joints": share_within(joints)}
+    for kind, columns, of in (("by_part", parts, PARTS), ("by_joint", joints, names)):
+        shares[kind] = {name: share_within(column) for name, column in zip(of, columns.T, strict=True)}
+    return shares
 
 
 def share_within(ratios: Array) -> float:

@@ -256,6 +256,15 @@ def test_a_character_deleted_while_capturing_does_not_lose_the_take(
     assert len(bpy.data.actions) == 1
 
 
+def test_a_new_character_takes_the_place_of_a_deleted_one_and_its_body(chosen: Any, part: Any, skeleton: Any) -> None:
+    name = part("capture.performer_targets").add_character(bpy.context, skeleton)
+    part("character.selection").select_only(bpy.context, [chosen.armature])
+    bpy.ops.object.delete()
+    assert f"{name} body" in bpy.context.scene.objects  # it was not selected
+    added = part("capture.performer_targets").add_character(bpy.context, skeleton)
+    assert [obj.name for obj in bpy.context.scene.objects if obj.type == "MESH"] == [f"{added} body"]
+
+
 def test_frames_whose_time_stands_still_leave_the_keys_steady(chosen: Any, play: Any, skeleton: Any) -> None:
     bpy.context.scene.render.fps = 60
     poses, performer = anna(skeleton, swing(skeleton, ("head",), 8))

@@ -58,9 +58,12 @@ def put_on(take: Path) -> str:
     return str(take)
 
 
-def test_a_camera_sees_the_character_where_the_film_has_the_performer(chosen: Any, take: Path) -> None:
+@pytest.mark.parametrize("resolution", [(1920, 1080), (1080, 1080), (1080, 1920)])
+def test_a_camera_sees_the_character_where_the_film_has_the_performer(
+    chosen: Any, take: Path, resolution: tuple[int, int]
+) -> None:
     scene = bpy.context.scene
-    scene.render.resolution_x, scene.render.resolution_y = 1920, 1080
+    scene.render.resolution_x, scene.render.resolution_y = resolution
     scene.perfanim_result.on_floor = False
     put_on(take)
     joints, _ = forward_kinematics(SKELETON, rot.identity((len(SKELETON),)), np.array([0.2, 0.95, 0.1]))
@@ -69,10 +72,15 @@ def test_a_camera_sees_the_character_where_the_film_has_the_performer(chosen: An
         obj = bpy.data.objects[f"Perfanim {camera.name}"]
         bpy.context.view_layer.update()
         width, height = camera.image_size
+        # pixels of the picture across the view, which it fits into
+        across, along = (
+            max(side, other * a / b)
+            for side, other, a, b in ((width, height, *resolution), (height, width, *resolution[::-1]))
+        )
         for bone, joint in (("head", "head"), ("foot.L", "lfoot"), ("hand.R", "rhand")):
             seen = world_to_camera_view(scene, obj, Vector(chosen.armature.matrix_world @ bones[bone].head))
-            wide = (seen.x - 0.5) * width + 0.5 * (width - 1)
-            high = 0.5 * (height - 1) - (seen.y - 0.5) * width * 1080 / 1920  # the picture is as wide as the view
+            wide = (seen.x - 0.5) * across + 0.5 * (width - 1)
+            high = 0.5 * (height - 1) - (seen.y - 0.5) * along
             place = joints[SKELETON.index(joint)] @ camera.rotation.T + camera.translation_m
             pixels = camera.matrix @ (place / place[2])
             np.testing.assert_allclose([wide, high], pixels[:2], atol=0.5)

@@ -128,6 +128,11 @@ def test_long_messages_are_cut_into_lines(part: Any) -> None:
     lines = panels.wrapped(text, 32)
     assert all(len(line) <= 32 for line in lines)
     assert panels.wrapped("", 32) == []
+    assert panels.wrapped("in /home/anna/animation/takes/walk_0001.bvh", 22) == [
+        "in",
+        "/home/anna/animation/",
+        "takes/walk_0001.bvh",
+    ]
     assert panels.wrapped("lower legs 10\u00a0% shorter (±\u00a012\u00a0%)\nagain", 30) == [
         "lower legs 10\u00a0% shorter",
         "(±\u00a012\u00a0%) again",

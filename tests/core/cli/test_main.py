@@ -227,5 +227,7 @@ def test_rows_of_a_report_get_a_line_each():
     assert summary_text({"doubtful": stretches}).splitlines() == ["doubtful: 1", "  start s 0, stop s 1.5"]
     assert summary_text({"doubtful": {}, "warnings": []}).splitlines() == ["doubtful: none", "warnings: none"]
     assert summary_text({"worst": [{"frame": 220, "error_mm": 51.42527}]}).splitlines()[1] == "  220, error mm 51.43"
+    take = {"name": "walk", "warnings": ["uneven", "short"], "parts": {"torso": 0.87875760, "head": 1.0}}
+    assert summary_text({"takes": [take]}).splitlines()[1] == "  walk, uneven; short, parts torso=0.8788 head=1"
     lines = summary_text({"skipped": rows * 100}).splitlines()
     assert (lines[0], lines[-1], len(lines)) == ("skipped: 200", "  and 140 more, see --json", 62)

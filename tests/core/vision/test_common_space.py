@@ -33,7 +33,24 @@ def test_rectangle_is_visible_and_cannot_grow(cameras):
     for sides in ([(x, front + step) for x in (left, right)], [(left - step, z) for z in (back, front)]):
         assert not all(is_seen(camera, x, z) for camera in rig.cameras for x, z in sides)
     width, depth = space.size_m
-    assert space.text == f"you may walk {width:.1f} x {depth:.1f} m"
+    assert space.text.startswith(f"you may walk {width:.1f} x {depth:.1f} m")
+
+
+def test_the_space_with_images_twice_as_wide_is_that_of_such_cameras():
+    rig = default_rig()
+    twice = np.diag([2.0, 2.0, 1.0])
+    sharp = CameraRig(
+        tuple(
+            replace(camera, matrix=twice @ camera.matrix, image_size=tuple(2 * side for side in camera.image_size))
+            for camera in rig.cameras
+        )
+    )
+    space, sharper = common_space(rig), common_space(sharp)
+    step = float(space.x_m[1] - space.x_m[0])
+    np.testing.assert_allclose(space.sharper_m, sharper.rectangle_m, atol=1.01 * step)
+    left, back, right, front = space.sharper_m
+    assert space.text.endswith(f"; with images twice as wide {right - left:.1f} x {front - back:.1f} m")
+    assert "twice" not in sharper.text  # the lenses end it, not the images
 
 
 def test_largest_rectangle_equals_that_of_an_exhaustive_search():

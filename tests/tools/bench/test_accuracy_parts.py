@@ -7,6 +7,7 @@ import pytest
 from bench.scenarios import LIVE, OFFLINE
 from bench.solving import Expected, confidence_ratio, coverage, expected_of, feet_errors, solve_both_ways, true_subject
 from bench.tables import UNITS, geometric_mean, paired_ratios
+from perfanim.core.body.body_parts import PARTS
 from perfanim.core.body.motion import sliced
 from perfanim.core.session.solve_take import solve_take
 from perfanim.core.simulate.simulated_markers import simulate_markers
@@ -30,11 +31,13 @@ def test_ratios_are_of_pairs_with_an_interval_and_the_takes_that_are_worse():
 
 
 def test_intervals_hold_by_part_and_joint():
-    parts, joints = np.array([[1.0, 3.0], [2.0, np.nan]]), np.array([[0.5, 5.0], [0.5, 1.0]])
+    parts, joints = np.full((2, len(PARTS)), np.nan), np.array([[0.5, 5.0], [0.5, 1.0]])
+    parts[:, :2] = [[1.0, 3.0], [2.0, np.nan]]
     case = Expected(np.ones(2), np.ones((2, 2)), parts, joints)
     found = coverage([case], ("hip", "knee"))
     assert (found["frames"], found["parts"], found["joints"]) == (2, 0.6667, 0.75)
     assert found["by_joint"] == {"hip": 1.0, "knee": 0.5}
+    assert (found["by_part"]["torso"], found["by_part"]["head"]) == (1.0, 0.0)
 
 
 def test_confidence_is_compared_by_its_lowest_and_highest_tenth():
