@@ -26,6 +26,7 @@ def solved(take, subject, database):
     return perfanim.solve(take, subject, database, QUICK)
 
 
+@pytest.mark.long
 def test_a_performer_whom_nobody_measured_is_fitted(take, truth, database_file):
     lying = replace(take, positions_m=take.positions_m @ TURNS["z"])  # as most systems write them
     solved = perfanim.solve(lying, database=database_file)

@@ -101,6 +101,7 @@ def test_gap_at_the_end_of_a_take_is_filled_by_the_body(whole, suited, database)
     assert error_m(result, whole, Gap(whole.names.index("LWRA"), 22, 40)) < 4.0 * OFFSET_M
 
 
+@pytest.mark.long
 def test_body_improves_the_low_pass(truth, suited, database):
     """Three millimetres of noise, and a low pass at what suits each: with the body's help less is left of it."""
     clean, noisy = (simulate_markers(truth, suited.marker_set, noise_mm=noise)[0] for noise in (0.0, 3.0))
@@ -113,6 +114,7 @@ def test_body_improves_the_low_pass(truth, suited, database):
     assert rms_m(smooth_on_body(noisy, suited.marker_set, motion, 8.0)) < alone < rms_m(noisy)
 
 
+@pytest.mark.long
 def test_filled_file_keeps_its_labels(whole, gappy, suited, database_file, tmp_path, capsys):
     """Labels with a subject before them, another point beside them, z up."""
     names = (*(f"Ben:{name}" for name in gappy.names), "ball")

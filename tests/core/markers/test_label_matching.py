@@ -131,7 +131,9 @@ def test_marker_set_is_found_by_labels_and_solved(truth, database_file, tmp_path
 @pytest.mark.parametrize(
     ("file", "name", "matched", "frames"),
     [
-        ("trc/BTKData/TRCSamples/MOTEK/ballet_reduced.trc", "cmu-41", 41, slice(0, 20)),
+        pytest.param(
+            *("trc/BTKData/TRCSamples/MOTEK/ballet_reduced.trc", "cmu-41", 41, slice(0, 20)), marks=pytest.mark.long
+        ),
         ("c3d/BTKData/others/Gait.c3d", "helen-hayes", 24, slice(200, 220)),
         ("c3d/jstoecker_c3dviewer/examples/running.c3d", "plug-in-gait", 30, slice(300, 320)),
     ],

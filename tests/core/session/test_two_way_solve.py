@@ -117,6 +117,7 @@ def test_cancellation_is_possible_at_any_moment(take, subject, database):
             solve_take(frames_of(take, slice(0, 20)), subject, database, SolveSettings(), cancel)
 
 
+@pytest.mark.long
 def test_wild_markers_in_the_first_frames_and_in_a_crowd_are_left_out(subject, database, truth):
     """A path alone does not show what is wild at its end, nor whether three markers at once are the body."""
     clean = simulate_markers(truth, subject, noise_mm=1.0, seed=5)[0]

@@ -55,6 +55,7 @@ def test_toes_below_the_true_ones_are_told(embedded_motion):
     assert feet_errors(lower, truth)["toes_below_mm"] == pytest.approx(100.0, abs=10.0)
 
 
+@pytest.mark.long
 def test_both_ways_in_one_go_are_as_each_alone(embedded_motion, database):
     truth = sliced(embedded_motion["walking-02-energetic"], 0, 40)
     subject = true_subject(truth)

@@ -93,6 +93,7 @@ def test_figure6_writes_what_it_measures(data, tmp_path):
         assert (tmp_path / f"figure6.{suffix}").stat().st_size > 5_000
 
 
+@pytest.mark.long
 def test_table1_counts_frames(data, tmp_path, monkeypatch):
     monkeypatch.setattr("bench.table1.TABLE1_TAKES", (WALKING,))
     monkeypatch.setattr("bench.table1.TABLE1_BANDAI", ("dataset-1_walk_04_001",))

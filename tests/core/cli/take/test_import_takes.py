@@ -152,6 +152,7 @@ def test_none_that_is_there_is_replaced_and_recorded_takes_are_copied(bring, tmp
     assert [pose.pose.number for pose in copy.poses] == [pose.pose.number for pose in source.poses]
 
 
+@pytest.mark.long
 def test_a_full_suit_of_another_system_is_solved_to_a_body(shared_dir, tmp_path, database_file, capsys):
     """Plug-in Gait by Vicon, z up, somebody who stands; the average body is of another size."""
     source = shared_dir / "c3d" / "BTKData" / "PiG" / "PiG_Calibration-FlatFoot-Full.c3d"

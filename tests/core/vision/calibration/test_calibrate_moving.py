@@ -57,6 +57,7 @@ def test_a_waved_marker_places_three_cameras(seed):
     assert found.accuracy.angle_sigma_deg < 0.1 and not found.has_floor
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seed", [13, 14])
 def test_a_waved_stick_gives_the_scale(seed):
     cameras = room(seed)
@@ -67,6 +68,7 @@ def test_a_waved_stick_gives_the_scale(seed):
     assert angles_deg.max() < 0.1 and np.abs(distances).max() < 0.003
 
 
+@pytest.mark.long
 def test_cameras_side_by_side_are_told():
     cameras = room(1, apart_deg=(2.0, 3.0))
     with pytest.raises(CalibrationError, match=r"side by side.*put them 60 to 110 degrees apart"):

@@ -63,6 +63,7 @@ def run(request, *, is_stopped=False):
     return sent
 
 
+@pytest.mark.long
 def test_unknown_lenses_and_poses_are_found_from_the_first_seconds(asked, walked):
     cameras, _, _ = walked
     sent = run(asked())
