@@ -105,6 +105,7 @@ def test_right_initial_labels_are_kept(subject, database_of, record, tmp_path):
         assert session.labellings == 1
 
 
+@pytest.mark.long
 def test_cut_between_behaviours_recovers(subject, database, record):
     """From walking into running in one take: the running is solved as if it had been alone."""
     motion = performance([("walking", 2.0), ("running", 2.0)], FPS, subject.skeleton, seed=1_000_007)

@@ -45,6 +45,7 @@ def test_options_that_contradict_each_other_are_told(tmp_path, capsys, options, 
     assert told in capsys.readouterr().err
 
 
+@pytest.mark.long
 def test_films_of_nobody_are_told_and_leave_nothing(tmp_path, capsys):
     if not body_network_file().is_file():
         pytest.skip("the body network is not here: perfanim network get")

@@ -51,6 +51,7 @@ def test_a_healthy_studio_without_a_calibration_has_no_fault_and_no_space(checke
     assert found == {"findings": [], "space": ""}
 
 
+@pytest.mark.long
 def test_a_healthy_studio_is_checked_with_a_calibration() -> None:
     rig = default_rig()
     rig.metadata["floor"] = "y = 0"
