@@ -3,6 +3,7 @@
 import ctypes
 import os
 import platform
+import struct
 import sys
 from collections.abc import Callable
 from functools import update_wrapper
@@ -12,13 +13,14 @@ from typing import Any, Generic, NamedTuple, ParamSpec, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-VERSION = 3  # the same number stands in source/kernel.c
+VERSION = 4  # the same number stands in source/kernel.c
 FOLDER = Path(__file__).parent / "libraries"
 _CHOICE = "PERFANIM_KERNEL"  # environment variable: "off" for NumPy, or another folder of libraries
 _SYSTEMS = {"linux": ("linux", "so"), "win32": ("windows", "dll"), "darwin": ("macos", "dylib")}
 _MACHINES = {"x86_64": "x64", "amd64": "x64", "arm64": "arm64", "aarch64": "arm64"}
 
 _VALUES: Any = ctypes.c_char * 0
+_DOUBLE = struct.Struct("=d")
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -96,6 +98,39 @@ def address(array: NDArray[Any]) -> Any:
 def contiguous(array: ArrayLike, kind: Any = np.float64) -> Any:
     """Return the address of an array, which is copied unless it is contiguous and of this type."""
     return address(np.ascontiguousarray(array, dtype=kind))
+
+
+class Packed:
+    """Values that a stage takes as one structure, see source/tables.h; it keeps their arrays alive.
+
+    Args:
+        values: The structure's fields in order: contiguous arrays, other structures, integers, floats, or None.
+
+    Attributes:
+        address: Where the structure lies.
+    """
+
+    def __init__(self, *values: "NDArray[Any] | Packed | float | None") -> None:
+        self._kept = values
+        self._fields = np.array([_field(value) for value in values], dtype=np.int64)
+        self.address = _place(self._fields)
+
+
+def _field(value: "NDArray[Any] | Packed | float | None") -> int:
+    """Return the eight bytes of a field as an integer."""
+    if isinstance(value, np.ndarray):
+        return _place(value)
+    if isinstance(value, Packed):
+        return value.address
+    if isinstance(value, float):
+        return int.from_bytes(_DOUBLE.pack(value), sys.byteorder, signed=True)
+    return int(value or 0)
+
+
+def _place(array: NDArray[Any]) -> int:
+    if not array.flags.c_contiguous:
+        raise ValueError("the kernel takes contiguous arrays")
+    return ctypes.addressof(_VALUES.from_buffer(array)) if array.flags.writeable else int(array.ctypes.data)
 
 
 def checked(status: int) -> None:

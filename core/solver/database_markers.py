@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from ..database.store import Database
 from ..geometry import rotations as rot
 from ..geometry.arrays import FloatArray, IntArray
+from ..kernel.library import Packed
 from .subject_model import SubjectModel
 
 MOST = np.iinfo(np.int16).max  # largest stored coordinate, in units
@@ -46,6 +47,10 @@ class DatabaseMarkers:
             frames = self.order[start : start + _CHUNK]
             points = posed(frames).reshape(len(frames), -1) / self.unit_m
             self.rows[start : start + _CHUNK, : points.shape[1]] = np.rint(np.clip(points, -MOST, MOST))
+
+    def packed(self) -> Packed:
+        """These markers as the kernel takes them."""
+        return Packed(*self.rows.shape, self.count, self.rows, self.order, self.places, float(self.unit_m))
 
     def __len__(self) -> int:
         return len(self.rows)

@@ -17,10 +17,11 @@ from ..kernel.library import address, checked, contiguous, function, stage
 from .observation import Observation, control_jacobian, control_residual, control_sigmas
 from .subject_model import RootPose, SubjectModel
 
-_EXPECTED_SIGMA_M = 0.01  # standard deviation of a marker about its position on the body: skin motion and model errors
+EXPECTED_SIGMA_M = 0.01  # standard deviation of a marker about its position on the body: skin motion and model errors
 _LIMIT_RAD = 0.02  # standard deviation of the part of an angle that is beyond the joint's limit
 _FIRST_DAMPING, _DAMPING_GROWTH = 1.0, 4.0  # damping after a step increased the cost, and its growth after more
 _STRAIGHT_RAD = 0.05  # largest rotation in a step for which the model is linear enough to stop
+FIT_SETTINGS = (_STRAIGHT_RAD, _LIMIT_RAD, _FIRST_DAMPING, _DAMPING_GROWTH)
 
 
 class Prior(NamedTuple):
@@ -136,7 +137,7 @@ def _compiled_innovations(
     rows, markers, width = len(observation.controls.markers), len(subject.joints), 6 + len(priors[0].mean)
     work, found = np.empty(3 * markers * (1 + width) + rows * (2 * width + rows + 4)), np.empty((2, len(priors), rows))
     place = np.concatenate((root.matrix.ravel(), root.position_m))
-    frame = contiguous(place), contiguous((*root_sigma, _EXPECTED_SIGMA_M)), address(work)
+    frame = contiguous(place), contiguous((*root_sigma, EXPECTED_SIGMA_M)), address(work)
     for index, prior in enumerate(priors):
         given = contiguous(counts, np.int64), *controls, contiguous(prior.mean), contiguous(prior.covariance)
         checked(_INNOVATION(*given, *frame, address(found[0, index]), address(found[1, index])))
@@ -167,7 +168,7 @@ def innovations(
         residuals.append(-control_residual(observation, markers))
         jacobian = control_jacobian(observation, full)
         covariances.append(observed_covariance(jacobian, np.repeat(np.square(root_sigma), 3), prior.covariance)[1])
-        _add_to_diagonal(covariances[-1], _EXPECTED_SIGMA_M**2)
+        _add_to_diagonal(covariances[-1], EXPECTED_SIGMA_M**2)
     whitened, factors = _whiten(np.array(covariances), np.array(residuals)[..., None])
     return whitened[..., 0], factors.diagonal(axis1=1, axis2=2)
 
@@ -204,7 +205,7 @@ def _compiled_fit(
     limits = np.empty((2, size))
     limits[...] = expectation.limits
     place = np.concatenate((root.rotation, root.position_m))
-    settings = straight_rad, _LIMIT_RAD, _FIRST_DAMPING, _DAMPING_GROWTH
+    settings = (straight_rad, *FIT_SETTINGS[1:])
     sigmas_m = control_sigmas(observation, marker_sigma_m)
     values: Any = (sigmas_m, *prior, place, expectation.root_sigma, limits, settings)
     given = (contiguous(each) for each in values)

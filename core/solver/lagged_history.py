@@ -16,12 +16,13 @@ from numpy.typing import NDArray
 from ..database.store import Database
 from ..geometry import rotations as rot
 from ..geometry.arrays import Array, FloatArray, IntArray
-from ..kernel.library import address, checked, contiguous, function, stage
+from ..kernel.library import Packed, address, checked, contiguous, function, stage
 from .database_markers import DatabaseMarkers
 from .subject_model import RootPose
 
 _UNIT = np.float32(1.0 / 32_760)  # unit of stored matrix entries; rounding moves a hand by less than 0.1 mm
 _CHUNK = 8192  # frames processed at once
+_COLUMNS = 32  # number of components that the kernel computes at once
 _TOLERANCE = 0.3  # largest difference of a remembered value's age from a lag, as a share of the lag
 
 
@@ -42,6 +43,18 @@ class LaggedHistory:
         times_s = (*self.times_s, time_s)
         first = bisect_left(times_s, time_s - 2.0 * self.longest_s)
         return LaggedHistory(self.longest_s, times_s[first:], (*self.values, value)[first:])
+
+    def recent(self, time_s: float, lags_s: Sequence[float], shape: tuple[int, ...]) -> Array:
+        """Return the values (L, ...) at each lag before a time, NaN where unknown.
+
+        Args:
+            shape: Shape of a value.
+        """
+        found = np.full((len(lags_s), *shape), np.nan)
+        for row, value in zip(found, self.before(time_s, lags_s), strict=True):
+            if value is not None:
+                row[...] = value
+        return found
 
     def before(self, time_s: float, lags_s: Sequence[float]) -> list[Array | None]:
         """Return the value at each lag before a time; None where it is unknown."""
@@ -77,6 +90,10 @@ class LaggedFrames:
         found._lags = -self._lags
         return found
 
+    def packed(self) -> Packed:
+        """These lags as the kernel takes them."""
+        return Packed(len(self._lags), self._lags, self._ends, self._clip_of_frame)
+
     def of(self, frames: IntArray) -> IntArray:
         """Return the frames (K, L) at each lag before frames (K,), clamped to their clips."""
         first, last = self._ends.take(self._clip_of_frame.take(frames), axis=0).T[..., None]
@@ -102,9 +119,21 @@ class LaggedMarkers:
 
     def observed(self, history: LaggedHistory, time_s: float, root: RootPose) -> Array:
         """Return earlier observed markers (L, M, 3) in the root's frame, NaN where unknown."""
-        unknown = np.full((self._markers.count, 3), np.nan)
-        earlier = history.before(time_s, self._earlier.lags_s)
-        return root.to_root_frame(np.array([unknown if each is None else each for each in earlier]))
+        return root.to_root_frame(self.recent(history, time_s))
+
+    def recent(self, history: LaggedHistory, time_s: float) -> Array:
+        """Return earlier observed markers (L, M, 3) in the world, NaN where unknown."""
+        return history.recent(time_s, self.lags_s, (self._markers.count, 3))
+
+    @property
+    def lags_s(self) -> tuple[float, ...]:
+        """Ascending lags."""
+        return self._earlier.lags_s
+
+    def packed(self) -> Packed:
+        """These markers as the kernel takes them."""
+        roots = self._root_matrices, float(_UNIT), np.ascontiguousarray(self._root_positions_m, dtype=np.float32)
+        return Packed(self._markers.packed(), self._earlier.packed(), *roots)
 
     def of_frames(self, frames: IntArray) -> FloatArray:
         """Return the markers (K, L, M, 3) before database frames (K,), in the frames of the roots of those."""
@@ -168,9 +197,18 @@ class LaggedPoses:
 
     def observed(self, history: LaggedHistory, time_s: float) -> Array:
         """Return the principal components (L, C) of earlier solved poses, NaN where unknown."""
-        unknown = np.full(len(self._components), np.nan)
-        earlier = history.before(time_s, self._earlier.lags_s)
-        return np.array([unknown if each is None else each for each in earlier]) @ self._components
+        return self.recent(history, time_s) @ self._components
+
+    def recent(self, history: LaggedHistory, time_s: float) -> Array:
+        """Return earlier solved poses (L, D), NaN where unknown."""
+        return history.recent(time_s, self._earlier.lags_s, (len(self._components),))
+
+    def packed(self) -> Packed:
+        """These poses as the kernel takes them."""
+        size, count = self._components.shape
+        padded = np.zeros((size, -(-count // _COLUMNS) * _COLUMNS), dtype=np.float32)
+        padded[:, :count] = self._components
+        return Packed(self._poses, size, count, padded.shape[1], padded)
 
     def of_frames(self, frames: IntArray) -> FloatArray:
         """Return the principal components (K, L, C) of the poses before database frames (K,)."""

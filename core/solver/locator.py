@@ -1,16 +1,20 @@
 """Search for the root and the closest database examples that fit a frame's markers."""
 
-from typing import NamedTuple
+from functools import cached_property
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..database.store import Database
 from ..geometry.arrays import Array, IntArray
+from ..kernel.library import Packed, address, checked, contiguous, function, stage
 from .database_markers import DatabaseMarkers
 from .method import Method
 from .observation import Observation
 from .root import root_from_torso
 from .search.exhaustive import Query, Search
+from .search.inverted_file import CellSearch
 from .search.sample import SampleSearch
 from .solution import Examples, SolverState
 from .subject_model import RootPose, SubjectModel
@@ -37,6 +41,10 @@ class Locator:
         search: Index over all database frames.
         sample: Index over a sample of frames, used if there is little time.
         query_alpha: Weight of the markers relative to continuity (Eq. 2).
+
+    Attributes:
+        search: The index over all frames.
+        examples: Number of examples wanted.
     """
 
     def __init__(
@@ -50,8 +58,8 @@ class Locator:
         query_alpha: float,
     ) -> None:
         self._subject, self._markers, self._alpha = subject, markers, query_alpha
-        self._search, self._sample = search, sample
-        self._examples, self._pose_m_per_rad = method.examples, method.query_pose_m_per_rad
+        self.search, self._sample = search, sample
+        self.examples, self._pose_weight = method.examples, (1.0 - query_alpha) * method.query_pose_m_per_rad**2
         self._poses = np.asarray(database.poses).reshape(database.frames, -1)  # slices of a memmap are slow
         own = database.own_frames(subject.skeleton, subject.subject.name)
         self._factors: Array | None = None
@@ -63,16 +71,39 @@ class Locator:
     @property
     def visited(self) -> int:
         """Number of distances computed by all searches so far."""
-        return self._search.visited + self._sample.visited
+        return self.search.visited + self._sample.visited
+
+    @cached_property
+    def packed(self) -> Packed | None:
+        """This locator as the kernel takes it; None if the search is not in cells."""
+        if not isinstance(self.search, CellSearch):
+            return None
+        cells = self.search.packed(self.examples * _SPARE_CANDIDATES)
+        own = self._subject.torso_weights, self._factors, float(self._alpha), float(self._pose_weight)
+        return Packed(cells, self._subject.body.packed(), *own, self.examples, _TORSO_EXAMPLES)
+
+    def memory(self, size: int) -> tuple[NDArray[Any], ...]:
+        """Return memory for the kernel: numbers of double and single precision, candidates, and frames found."""
+        count, width = self._markers.count, self._markers.rows.shape[1]
+        room = self.search.room(self.examples * _SPARE_CANDIDATES) if isinstance(self.search, CellSearch) else 0
+        numbers = np.empty(13 * count + 3), np.empty(6 * count + 2 * width + size, dtype=np.float32)
+        return (*numbers, np.empty((room, 2)), np.empty(room, dtype=np.int64))
 
     def locate(self, state: SolverState, observation: Observation, hurried: bool = False) -> Located | None:
         """Return root, closest examples and the start for the next search; None if the root cannot be found.
 
-        The first root is fitted with the torso of the continued pose or, failing that, of the expected markers or of a
-        typical pose.
-
         Args:
             hurried: Use only the closest frames of the sample and their neighbours in time.
+        """
+        if state.root is not None and state.pose is not None and not hurried:
+            return _locate_next(self, state, observation)
+        return self.alternate(state, observation, hurried)
+
+    def alternate(self, state: SolverState, observation: Observation, hurried: bool = False) -> Located | None:
+        """Return the result of `locate` by searches and fits in turn.
+
+        The first root is fitted with the torso of the continued pose or, failing that, of the expected markers or of a
+        typical pose.
         """
         continued = state.continued_pose
         if continued is not None:
@@ -88,8 +119,8 @@ class Locator:
             root = root_from_torso(observation, local, self._subject, root)
             if root is None:
                 return None
-            sampled = self._sample.nearest(self._query(observation, root, None), self._examples)
-            frames = found = self._sample.around(sampled, self._examples * _SPARE_CANDIDATES)
+            sampled = self._sample.nearest(self._query(observation, root, None), self.examples)
+            frames = found = self._sample.around(sampled, self.examples * _SPARE_CANDIDATES)
             local = _closest_mean(self._markers, sampled)
         passes = _FIRST_ROOT_PASSES if is_first else _ROOT_PASSES
         for number in range(passes):
@@ -99,12 +130,12 @@ class Locator:
             query = self._query(observation, root, continued)
             # after the first pass the root moves little, so rank the same candidates again
             if is_first:
-                frames, distances = self._search.nearest(query, self._examples * _SPARE_CANDIDATES, found)
+                frames, distances = self.search.nearest(query, self.examples * _SPARE_CANDIDATES, found)
                 found = frames
             elif frames is None:
-                frames = found = self._search.near(query, self._examples * _SPARE_CANDIDATES, found)
+                frames = found = self.search.near(query, self.examples * _SPARE_CANDIDATES, found)
             else:
-                frames, distances = self._search.nearest_among(query, frames)
+                frames, distances = self.search.nearest_among(query, frames)
             if number < passes - 1:
                 local = _closest_mean(self._markers, frames)
         if root is None or frames is None or found is None:
@@ -115,20 +146,41 @@ class Locator:
             distances[1:] *= self._factors[frames[1:]]  # the closest stays first, because solutions are judged by it
             order = np.argsort(distances)
             frames, distances = frames[order], distances[order]
-        chosen = frames[: self._examples]
+        chosen = frames[: self.examples]
         poses, markers_m = self._poses.take(chosen, axis=0), self._markers.take(chosen)
         examples = Examples(chosen, distances[: len(chosen)], poses, markers_m)
         return Located(root, examples, found)
 
     def _query(self, observation: Observation, root: RootPose, continued: Array | None) -> Query:
         """Return the query of Eq. 2, with the observed markers in the root's frame."""
-        alpha = self._alpha
-        return Query(
-            root.to_root_frame(observation.points_m),
-            continued,
-            alpha,
-            (1.0 - alpha) * self._pose_m_per_rad**2,
-        )
+        return Query(root.to_root_frame(observation.points_m), continued, self._alpha, self._pose_weight)
+
+
+_LOCATE = function("locate", "ppppppppppppp")
+
+
+def _compiled(locator: Locator, state: SolverState, observation: Observation) -> Located | None:
+    continued, before, packed = state.continued_pose, state.root, locator.packed
+    if packed is None or continued is None or before is None:
+        return locator.alternate(state, observation)
+    wanted, points_m = locator.examples, contiguous(observation.points_m)
+    *numbers, candidates, frames = locator.memory(len(continued))
+    root = np.concatenate((before.rotation, before.position_m))
+    chosen, distances = np.empty(wanted, dtype=np.int64), np.empty(wanted)
+    poses = np.empty((wanted, len(continued)), dtype=np.float32)
+    markers_m = np.empty((wanted, *observation.points_m.shape), dtype=np.float32)
+    counts = np.empty(3, dtype=np.int64)
+    arrays = *numbers, candidates, root, frames, chosen, distances, poses, markers_m, counts
+    checked(_LOCATE(packed.address, points_m, contiguous(continued), *map(address, arrays)))
+    found, count, visited = counts.tolist()
+    locator.search.visited += visited
+    examples = Examples(chosen[:count], distances[:count], poses[:count], markers_m[:count])
+    return Located(RootPose(root[:4], root[4:]), examples, frames[:found])
+
+
+@stage(_compiled)
+def _locate_next(locator: Locator, state: SolverState, observation: Observation) -> Located | None:
+    return locator.alternate(state, observation)
 
 
 def _closest_mean(markers: DatabaseMarkers, frames: IntArray) -> Array:

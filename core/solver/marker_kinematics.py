@@ -9,7 +9,7 @@ import numpy as np
 from ..body.skeleton import Skeleton, forward_kinematics_matrices, marker_jacobian
 from ..geometry import rotations as rot
 from ..geometry.arrays import Array, IntArray
-from ..kernel.library import address, checked, contiguous, function, stage
+from ..kernel.library import Packed, address, checked, contiguous, function, stage
 
 _UNIT = np.eye(3)
 _SMALLEST_RAD = 1e-5  # replaces smaller angles in the divisions below, which changes the results by less than 1e-11
@@ -42,6 +42,10 @@ class MarkerBody:
     def lengths(self) -> Array:
         """Offsets of the joints, reference pose and offsets of the markers in one array."""
         return np.concatenate([each.ravel() for each in (self.skeleton.offsets_m, self.means, self.offsets_m)])
+
+    def packed(self) -> Packed:
+        """This body as the kernel takes it."""
+        return Packed(self.joint_count, len(self.joints), self.indices, self.lengths)
 
 
 _MARKERS = function("markers", "nnnnppppppp")

@@ -10,6 +10,7 @@ import json
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +21,7 @@ from ..errors import FormatError
 from ..geometry import rotations as rot
 from ..geometry.arrays import Array, FloatArray, IntArray, Mask
 from ..geometry.npz import read_arrays
-from ..kernel.library import address, checked, contiguous, function, stage
+from ..kernel.library import Packed, address, checked, contiguous, function, stage
 from ..system.files import reading
 from .gaussian_conditioning import Prior
 from .lagged_history import LaggedHistory
@@ -148,6 +149,11 @@ class MotionPrior:
         self._first_bias = network.biases[0] + bones @ network.first_weights[parts * hidden :]
 
     @property
+    def size(self) -> int:
+        """Number D of entries of a pose."""
+        return 3 * len(self._back)
+
+    @property
     def lags_s(self) -> tuple[float, ...]:
         """Ascending lags of the markers, starting with 0."""
         return tuple(self._network.lags_s.tolist())
@@ -158,9 +164,8 @@ class MotionPrior:
         Args:
             observation: Observation, in which single-camera markers are back-projected if they are to be used.
         """
-        unknown = np.full_like(observation.points_m, np.nan)
-        earlier = observed.before(time_s, self.lags_s[1:])
-        points_m = np.array([observation.points_m, *(unknown if each is None else each for each in earlier)])
+        earlier_m = observed.recent(time_s, self.lags_s[1:], observation.points_m.shape)
+        points_m = np.concatenate((observation.points_m[None], earlier_m))
         return RecentMarkers(points_m, observation.cameras >= 0)
 
     def estimate(self, recent: RecentMarkers, root: RootPose) -> PriorEstimate:
@@ -169,7 +174,33 @@ class MotionPrior:
         Args:
             root: Root to use if too few torso markers are located.
         """
+        return _one_estimate(self, recent, root)
+
+    def in_numpy(self, recent: RecentMarkers, root: RootPose) -> PriorEstimate:
+        """Return the same estimate, computed like those of many frames."""
         return self._estimates([recent], [self._frame(recent, root) or root])[0]
+
+    @cached_property
+    def packed(self) -> Packed:
+        """This prior as the kernel takes it."""
+        network, body = self._network, self._body
+        (markers, features, hidden), (count, width) = self._weights.shape, self._first.shape
+        parts, joints = np.argmax(self._parts, axis=0), len(self._back)
+        sizes = len(network.lags_s), markers, joints, features, hidden, count // hidden, width, _ROOT + 3 * joints
+        body_values = network.lags_s, body.torso_weights, self._rest, _OFFSET_SCALE * self._offsets_m, parts
+        weights = self._weights, self._biases, self._first, self._first_bias, network.weights, network.biases[1:]
+        outputs = network.output_weights, network.output_biases, network.outputs, network.spread
+        moves = self._change, self._back, self._correlation
+        arrays = map(np.ascontiguousarray, (*body_values, *weights, *outputs, *moves))
+        limits = _LAG_FLOOR_S, _BY_ONE_CAMERA, _FASTEST_M_S, FARTHEST, *LOG_SIGMAS
+        return Packed(*sizes, *arrays, *limits)
+
+    def memory(self) -> tuple[Array, FloatArray]:
+        """Return memory for the kernel: double and single precision."""
+        (markers, features, hidden), (count, width) = self._weights.shape, self._first.shape
+        outputs = len(self._network.outputs[0])
+        doubles = markers * (3 * len(self.lags_s) + 7) + 11 * outputs
+        return np.empty(doubles), np.empty(features + hidden + count + 2 * width + 2 * outputs, dtype=np.float32)
 
     def estimate_all(self, recent: Sequence[RecentMarkers]) -> list[PriorEstimate | None]:
         """Return the estimates for many frames, computed together; None where too few torso markers are located."""
@@ -223,6 +254,23 @@ class MotionPrior:
         """Return the network's Gaussians, means and sigmas (N, D), relative to the subject's reference pose."""
         moved = moved_gaussians(poses, sigmas, self._change, self._back, self._correlation)
         return [Prior(*pair) for pair in zip(*moved, strict=True)]
+
+
+_ONE = function("learned_prior", "ppppppppp")
+
+
+def _compiled_one(prior: MotionPrior, recent: RecentMarkers, root: RootPose) -> PriorEstimate:
+    size = prior.size
+    mean, covariance, sigmas = np.empty(size), np.empty((size, size)), np.empty(2)
+    place = np.concatenate((root.rotation, root.position_m))
+    given, found = (contiguous(recent.points_m), contiguous(recent.single, np.bool_)), (mean, covariance, place, sigmas)
+    checked(_ONE(prior.packed.address, *given, *map(address, (*prior.memory(), *found))))
+    return PriorEstimate(Prior(mean, covariance), RootPose(place[:4], place[4:]), (float(sigmas[0]), float(sigmas[1])))
+
+
+@stage(_compiled_one)
+def _one_estimate(prior: MotionPrior, recent: RecentMarkers, root: RootPose) -> PriorEstimate:
+    return prior.in_numpy(recent, root)
 
 
 _MOVED = function("moved_gaussians", "nnpppppppp")

@@ -15,9 +15,9 @@ from ..geometry.arrays import Array, FloatArray
 from ..kernel.library import address, checked, contiguous, function, stage
 from .gaussian_conditioning import Prior, conditioned
 
-_WIDTH = 0.2  # squared distance, as a share of the largest one, at which a neighbour's weight has fallen to 1/e
-_TINY = np.float32(1e-3)  # differences below about a ten-millionth of this are rounded to zero
-_PANEL = 16  # number of columns that the kernel keeps together
+WIDTH = 0.2  # squared distance, as a share of the largest one, at which a neighbour's weight has fallen to 1/e
+TINY = np.float32(1e-3)  # differences below about a ten-millionth of this are rounded to zero
+PANEL = 16  # number of columns that the kernel keeps together
 
 
 @dataclass(frozen=True)
@@ -39,11 +39,11 @@ def _compiled(neighbours: Neighbours, share: float, past: Array, variances: Arra
     whole = len(floor)
     mean, covariance = np.empty(size), np.empty((size, size))
     columns = np.empty(whole, dtype=np.int64)
-    single = np.empty((whole + _PANEL) * count, dtype=np.float32)
+    single = np.empty((whole + PANEL) * count, dtype=np.float32)
     work = np.empty(count + (whole + 1) * (whole + 4))
     rows = (contiguous(each, np.float32) for each in (neighbours.poses, neighbours.markers, neighbours.before))
     given = contiguous(past), contiguous(variances), contiguous(floor, np.float32)
-    settings = share, _WIDTH, float(_TINY)
+    settings = share, WIDTH, float(TINY)
     checked(
         _PRIOR(
             address(sizes), *rows, contiguous(neighbours.distances), *settings, *given,
@@ -69,7 +69,7 @@ def neighbours_prior(neighbours: Neighbours, share: float, past: Array, variance
     observed = past[: len(known)]
     away = markers - observed if known.all() else markers[:, known] - observed[known]
     distances = np.maximum(neighbours.distances, 0.0) + share * np.add.reduce(away * away, axis=1)
-    weights = np.exp(-distances / (_WIDTH * distances.max() + 1e-12))
+    weights = np.exp(-distances / (WIDTH * distances.max() + 1e-12))
     weights /= weights.sum()
     samples = np.concatenate((neighbours.poses, markers, neighbours.before), axis=1)
     return gaussian_given(samples, weights, floor, past, variances)
@@ -99,8 +99,8 @@ def gaussian_given(
     shift = shares @ spread
     spread -= shift
     # round tiny differences to zero: their products would be subnormal numbers, which are slow
-    spread += _TINY
-    spread -= _TINY
+    spread += TINY
+    spread -= TINY
     spread *= np.sqrt(shares)[:, None]
     mean = samples[0] + shift.astype(np.float64)
     # double precision from here on, because in single precision subnormal numbers would occur

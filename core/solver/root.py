@@ -7,8 +7,6 @@ from ..geometry.rigid_transform import fit_rigid
 from .observation import Observation
 from .subject_model import RootPose, SubjectModel
 
-_CARRIED_BY_ROOT = 4.0  # weight of markers on the pelvis relative to those on spine and shoulders
-
 
 def root_from_torso(
     observation: Observation,
@@ -27,8 +25,7 @@ def root_from_torso(
     """
     seen = subject.torso & observation.located
     if np.count_nonzero(seen) >= 3:
-        weights = np.where(subject.joints[seen] == 0, _CARRIED_BY_ROOT, 1.0)
-        return RootPose(*fit_rigid(local_markers_m[seen], observation.points_m[seen], weights))
+        return RootPose(*fit_rigid(local_markers_m[seen], observation.points_m[seen], subject.torso_weights[seen]))
     if previous is None:
         return None
     return _moved(previous, observation, local_markers_m)

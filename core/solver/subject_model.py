@@ -16,6 +16,8 @@ from ..geometry.arrays import Array, FloatArray, Mask
 from ..markers.subject import Subject
 from .marker_kinematics import MarkerBody, posed_markers, posed_markers_and_jacobian
 
+_CARRIED_BY_ROOT = 4.0  # weight of markers on the pelvis relative to those on spine and shoulders
+
 
 @dataclass(frozen=True)
 class RootPose:
@@ -55,6 +57,8 @@ class SubjectModel:
         self.joints = subject.marker_set.joint_indices(self.skeleton)
         self.offsets_m = subject.marker_set.offsets_m
         self.torso = subject.marker_set.torso
+        # weights (M,) of the markers that locate the root: torso markers, those on the pelvis above all
+        self.torso_weights = np.where(self.torso, np.where(self.joints == 0, _CARRIED_BY_ROOT, 1.0), 0.0)
         self._moving = self.skeleton.is_ancestor[self.joints]
         self.body = MarkerBody.of(self.skeleton, self.joints, self.offsets_m, mean_rotations)
 

@@ -14,7 +14,7 @@
 #define EXPORT __attribute__((visibility("default")))
 #endif
 
-#define VERSION 3 /* the same number stands in core/kernel/library.py */
+#define VERSION 4 /* the same number stands in core/kernel/library.py */
 
 EXPORT int32_t pf_version(void);
 int32_t pf_version(void) { return VERSION; }
@@ -23,6 +23,8 @@ int32_t pf_version(void) { return VERSION; }
 typedef double v4d __attribute__((vector_size(32)));
 typedef float v8f __attribute__((vector_size(32)));
 typedef int16_t v8s __attribute__((vector_size(16)));
+
+#include "tables.h"
 
 #define STAGE(name) pf_##name
 #include "stages.h"

@@ -28,6 +28,22 @@ static float STAGE(row_distance)(const int16_t *row, int64_t count, float unit, 
   return STAGE(sum)(&sums, rest);
 }
 
+/* Squared distance of a pose (size,) from another. */
+static float STAGE(pose_distance)(const float *own, const float *pose, int64_t size) {
+  v8f sums = {0.0f};
+  float rest = 0.0f;
+  int64_t i = 0;
+  for (; i + 8 <= size; i += 8) {
+    v8f values, aims;
+    memcpy(&values, own + i, sizeof values);
+    memcpy(&aims, pose + i, sizeof aims);
+    values -= aims;
+    sums += values * values;
+  }
+  for (; i < size; i++) rest += (own[i] - pose[i]) * (own[i] - pose[i]);
+  return STAGE(sum)(&sums, rest);
+}
+
 /* distances (K,) of stored rows (F, width), chosen by rows (K,), from a target (count,) in their units.
 
    Returns 0, or 1 if a row does not exist. */
@@ -50,20 +66,7 @@ EXPORT int64_t STAGE(frame_distances)(const int16_t *stored, int64_t row_count, 
     int64_t frame = frames[k];
     if (frame < 0 || frame >= row_count) return 1;
     distances[k] = STAGE(row_distance)(stored + places[frame] * width, count, unit, target, weights);
-    if (!pose) continue;
-    const float *own = poses + frame * size;
-    v8f sums = {0.0f};
-    float rest = 0.0f;
-    int64_t i = 0;
-    for (; i + 8 <= size; i += 8) {
-      v8f values, aims;
-      memcpy(&values, own + i, sizeof values);
-      memcpy(&aims, pose + i, sizeof aims);
-      values -= aims;
-      sums += values * values;
-    }
-    for (; i < size; i++) rest += (own[i] - pose[i]) * (own[i] - pose[i]);
-    distances[k] += pose_weight * STAGE(sum)(&sums, rest);
+    if (pose) distances[k] += pose_weight * STAGE(pose_distance)(poses + frame * size, pose, size);
   }
   return 0;
 }

@@ -9,3 +9,8 @@
 #include "prior.h"
 #include "rigid.h"
 #include "search.h"
+
+#include "locate.h"
+
+#include "estimate.h"
+#include "network.h"

@@ -11,6 +11,7 @@ import numpy as np
 
 from ...geometry.arrays import Array, FloatArray, IntArray
 from ...geometry.principal_components import principal_components
+from ...kernel.library import Packed
 from ..database_markers import BESIDE, MOST, DatabaseMarkers
 from .exhaustive import Query, closest
 from .stored_distances import frame_distances, row_distances
@@ -73,6 +74,18 @@ class CellSearch:
         distances = frame_distances(self._markers, query, self._poses, candidates)
         order, ascending = closest(distances, count or len(candidates))
         return candidates[order], ascending
+
+    def packed(self, count: int) -> Packed:
+        """Return the search for `count` frames of a query with a pose, as the kernel takes it."""
+        compared = math.ceil(_COMPARED * count)
+        poses = self._poses.shape[1], np.ascontiguousarray(self._poses, dtype=np.float32)
+        cells = len(self._centres), self._markers.starts, self._centres, self._centre_squares
+        rows = self._units, self._square_units, BESIDE, np.ascontiguousarray(self._components), _ALIKE
+        return Packed(self._markers.packed(), *poses, *cells, *rows, max(self._scanned, compared), compared, _FIRST)
+
+    def room(self, count: int) -> int:
+        """Return the number of candidates that the kernel keeps at once in a search for `count` frames."""
+        return max(len(self._centres), 4 * (math.ceil(_COMPARED * count) + 1))
 
     def _facts_of(self, poses: FloatArray) -> FloatArray:
         """Return the leading components of poses, followed by the length of the remainder (K, B)."""
