@@ -106,8 +106,8 @@ def _compiled(model: BestModel, problem: FrameProblem, learned: PriorEstimate | 
     )  # fmt: skip
     mean, covariance, fitted_prior_root = np.empty(size), np.empty((size, size)), np.empty(9)
     pose, fitted, uncertainty = np.empty(size), np.empty(7), np.empty(size // 3)
-    inflation, steps = np.empty(1), np.empty(1, dtype=np.int64)
-    found = mean, covariance, fitted_prior_root, pose, fitted, uncertainty, inflation, steps
+    numbers, steps = np.empty(2), np.empty(1, dtype=np.int64)
+    found = mean, covariance, fitted_prior_root, pose, fitted, uncertainty, numbers, steps
     work = _work(model, count, rows, size)
     checked(
         _ESTIMATE(model.packed.address, _CONSTANTS.address, frame.address, *map(address, work), *map(address, found))
@@ -115,9 +115,17 @@ def _compiled(model: BestModel, problem: FrameProblem, learned: PriorEstimate | 
     root_sigma = (float(fitted_prior_root[7]), float(fitted_prior_root[8]))
     root = RootPose(fitted_prior_root[:4], fitted_prior_root[4:7])
     expectation = Expectation(Prior(mean, covariance), problem.observation, root, root_sigma, model.limits)
-    factor = float(inflation[0])
+    inflation, tilt_rad = numbers.tolist()
     return Estimate(
-        pose, RootPose(fitted[:4], fitted[4:]), count, 0, int(steps[0]), expectation, uncertainty, factor > 1.0
+        pose,
+        RootPose(fitted[:4], fitted[4:]),
+        count,
+        0,
+        int(steps[0]),
+        expectation,
+        uncertainty,
+        inflation > 1.0,
+        tilt_rad,
     )
 
 
@@ -174,8 +182,8 @@ def best_estimate(model: BestModel, problem: FrameProblem, learned: PriorEstimat
     )
     uncertainty = _uncertainty(pose, closest, learned.pose if learned else None)
     uncertainty *= _KNOWN_SHARE if known else 1.0
-    neighbours = len(problem.examples.frames)
-    return Estimate(pose, root, neighbours, 0, steps, expectation, uncertainty, inflation > 1.0)
+    tilt_rad, led = model.earlier_markers.tilt_rad(root, problem.examples.frames), inflation > 1.0
+    return Estimate(pose, root, len(problem.examples.frames), 0, steps, expectation, uncertainty, led, tilt_rad)
 
 
 def history_of(markers: LaggedMarkers, poses: LaggedPoses, frames: IntArray) -> tuple[FloatArray, FloatArray]:

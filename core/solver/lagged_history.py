@@ -5,6 +5,7 @@ an arm swings. Earlier markers, in the frame of the current root, describe the m
 rate and without a solved pose. Earlier solved poses supply the rest, such as the twist of an arm.
 """
 
+import math
 from bisect import bisect_left
 from collections.abc import Sequence
 from copy import copy
@@ -129,6 +130,12 @@ class LaggedMarkers:
     def lags_s(self) -> tuple[float, ...]:
         """Ascending lags."""
         return self._earlier.lags_s
+
+    def tilt_rad(self, root: RootPose, frames: IntArray) -> float:
+        """Return the angle between the vertical in the axes of a root and the mean one in those of frames (K,)."""
+        among = np.add.reduce((self._root_matrices.take(frames, axis=0)[:, 3:6] * _UNIT).astype(np.float64))
+        cosine = float(among @ root.matrix[1]) / max(float(np.linalg.norm(among)), 1e-9)
+        return math.acos(min(max(cosine, -1.0), 1.0))
 
     def packed(self) -> Packed:
         """These markers as the kernel takes them."""

@@ -1,5 +1,6 @@
 """Search for the root and the closest database examples that fit a frame's markers."""
 
+import math
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -32,6 +33,7 @@ class Located(NamedTuple):
     root: RootPose
     examples: Examples
     found: IntArray
+    nearest_m: float  # RMS distance of the located markers from those of the closest example; NaN without any
 
 
 class Locator:
@@ -149,14 +151,17 @@ class Locator:
         chosen = frames[: self.examples]
         poses, markers_m = self._poses.take(chosen, axis=0), self._markers.take(chosen)
         examples = Examples(chosen, distances[: len(chosen)], poses, markers_m)
-        return Located(root, examples, found)
+        seen = observation.located
+        away_m = root.to_root_frame(observation.points_m[seen]) - markers_m[0][seen]
+        nearest_m = math.sqrt(float(np.vdot(away_m, away_m)) / len(away_m)) if len(away_m) else math.nan
+        return Located(root, examples, found, nearest_m)
 
     def _query(self, observation: Observation, root: RootPose, continued: Array | None) -> Query:
         """Return the query of Eq. 2, with the observed markers in the root's frame."""
         return Query(root.to_root_frame(observation.points_m), continued, self._alpha, self._pose_weight)
 
 
-_LOCATE = function("locate", "ppppppppppppp")
+_LOCATE = function("locate", "pppppppppppppp")
 
 
 def _compiled(locator: Locator, state: SolverState, observation: Observation) -> Located | None:
@@ -169,13 +174,13 @@ def _compiled(locator: Locator, state: SolverState, observation: Observation) ->
     chosen, distances = np.empty(wanted, dtype=np.int64), np.empty(wanted)
     poses = np.empty((wanted, len(continued)), dtype=np.float32)
     markers_m = np.empty((wanted, *observation.points_m.shape), dtype=np.float32)
-    counts = np.empty(3, dtype=np.int64)
-    arrays = *numbers, candidates, root, frames, chosen, distances, poses, markers_m, counts
+    counts, nearest_m = np.empty(3, dtype=np.int64), np.empty(1)
+    arrays = *numbers, candidates, root, frames, chosen, distances, poses, markers_m, counts, nearest_m
     checked(_LOCATE(packed.address, points_m, contiguous(continued), *map(address, arrays)))
     found, count, visited = counts.tolist()
     locator.search.visited += visited
     examples = Examples(chosen[:count], distances[:count], poses[:count], markers_m[:count])
-    return Located(RootPose(root[:4], root[4:]), examples, frames[:found])
+    return Located(RootPose(root[:4], root[4:]), examples, frames[:found], float(nearest_m[0]))
 
 
 @stage(_compiled)

@@ -9,7 +9,6 @@ import numpy as np
 from ..body.pose_notes import NoteKind
 from ..database.store import Database, check_arrays
 from ..errors import DatabaseError
-from ..geometry import rotations as rot
 from ..geometry.arrays import Array
 from ..markers.source_noise import noise_of
 from ..system.blas_threads import use_one_blas_thread
@@ -23,8 +22,8 @@ from .motion_prior import PriorEstimate
 from .observation import Observation
 from .search.sample import SampleSearch
 from .settings import SolveSettings
-from .solution import Examples, Solution, SolverState
-from .subject_model import RootPose, SubjectModel
+from .solution import Solution, SolverState
+from .subject_model import SubjectModel
 from .trajectory_check import INTERVAL_S, PROVEN, TrajectoryCheck
 
 _JUMP_M = 0.07  # RMS movement of the markers between two frames above which history may mislead
@@ -87,7 +86,7 @@ class PoseSolver:
         """Return the RMS distance (m) of the markers from the closest example, NaN without markers."""
         in_space = self._in_space(state, observation)
         located = self._locator.locate(state, in_space, hurried=True)
-        return _nearest_distance(in_space, *located[:2]) if located is not None else float("nan")
+        return located.nearest_m if located is not None else float("nan")
 
     def negative_log_likelihood(self, state: SolverState) -> float:
         """Return the negative log density of the last markers, for metres; 0 for methods other than "best"."""
@@ -183,7 +182,7 @@ class PoseSolver:
         """
         in_space = self._in_space(state, observation)
         located = self._locator.locate(state, in_space, hurried)
-        if located is None or _nearest_distance(in_space, *located[:2]) >= limit_m:
+        if located is None or located.nearest_m >= limit_m:
             return None, state
         first, after = self._estimate(state, observation, located)
         again, second = (None, after) if hurried else self._advance(after, observation)
@@ -217,21 +216,19 @@ class PoseSolver:
 
     def _estimate(self, state: SolverState, observation: Observation, located: Located) -> tuple[Solution, SolverState]:
         """Return the pose for a root and examples, and the state after it."""
-        root, examples, found = located
-        estimate = self._method.estimate(FrameProblem(state, observation, root, examples))
+        estimate = self._method.estimate(FrameProblem(state, observation, located.root, located.examples))
         pose = estimate.pose.reshape(-1, 3)
         markers = self.subject.markers(pose, estimate.root)
-        nearest_m = _nearest_distance(self._in_space(state, observation), root, examples)
         size = (estimate.neighbours, estimate.dimensions)
         solution = Solution(
             pose,
             estimate.root,
             markers,
             *size,
-            nearest_m,
+            located.nearest_m,
             estimate.iterations,
             estimate.uncertainty_rad,
-            self._tilt_rad(estimate.root, examples),
+            estimate.tilt_rad,
             prior_led=estimate.prior_led,
         )
         return solution, replace(
@@ -240,23 +237,9 @@ class PoseSolver:
             markers_m=markers,
             pose=estimate.pose,
             previous_pose=state.pose,
-            found=found,
+            found=located.found,
             expectation=estimate.expectation,
         )
-
-    def _tilt_rad(self, root: RootPose, examples: Examples) -> float:
-        """Return the angle between the vertical in the axes of a root and the mean one in those of examples."""
-        among = np.add.reduce(rot.vertical_in(self.database.root_rotations[examples.frames].astype(np.float64)))
-        own = rot.vertical_in(root.rotation)
-        return math.acos(min(max(float(among @ own) / max(float(np.linalg.norm(among)), 1e-9), -1.0), 1.0))
-
-
-def _nearest_distance(observation: Observation, root: RootPose, examples: Examples) -> float:
-    seen = observation.located
-    if not seen.any():
-        return float("nan")
-    differences = root.to_root_frame(observation.points_m[seen]) - examples.markers_m[0][seen]
-    return _rms(differences)
 
 
 def _rms(differences_m: Array) -> float:

@@ -70,7 +70,7 @@ class SolverState:
 
 @dataclass(frozen=True)
 class Estimate:
-    """A method's pose (D,), root, size of its model, expectation, and uncertainty (J - 1,); see `Solution`."""
+    """A method's pose (D,), root, size of its model, expectation, uncertainty (J - 1,), and more; see `Solution`."""
 
     pose: Array
     root: RootPose
@@ -80,3 +80,4 @@ class Estimate:
     expectation: Expectation | None = None
     uncertainty_rad: Array | None = None
     prior_led: bool = False
+    tilt_rad: float = 0.0

@@ -36,6 +36,8 @@ static int64_t STAGE(earlier_frames)(const Lags *lags, int64_t frames, int64_t c
 static void STAGE(components)(const EarlierPoses *e, int64_t n, const int64_t *frames, float *out) {
   for (int64_t k = 0; k < n; k++, out += e->count) {
     const float *pose = e->poses + frames[k] * e->size;
+    if (k + AHEAD < n)
+      for (int64_t d = 0; d < e->size; d += 16) __builtin_prefetch(e->poses + frames[k + AHEAD] * e->size + d);
     for (int64_t first = 0; first < e->padded; first += 32) {
       v8f sums[4] = {{0.0f}};
       for (int64_t d = 0; d < e->size; d++)
@@ -130,17 +132,28 @@ static void STAGE(widen_joints)(int64_t size, const double *mean, const double *
     for (int64_t j = 0; j < size; j++) covariance[i * size + j] *= widths[j] * widths[i];
 }
 
+/* Angle between the vertical in the axes of a root (7,) and the mean one in those of examples; see `tilt_rad`. */
+static double STAGE(tilt)(const EarlierMarkers *e, int64_t count, const int64_t *chosen, const double *root) {
+  double among[3] = {0.0}, r[9];
+  STAGE(matrix)(root, r);
+  for (int64_t k = 0; k < count; k++)
+    for (int i = 0; i < 3; i++) among[i] += (double)((float)e->matrices[9 * chosen[k] + 3 + i] * (float)e->matrix_unit);
+  double length = sqrt(among[0] * among[0] + among[1] * among[1] + among[2] * among[2]);
+  double cosine = (among[0] * r[3] + among[1] * r[4] + among[2] * r[5]) / (length < 1e-9 ? 1e-9 : length);
+  return acos(cosine < -1.0 ? -1.0 : cosine > 1.0 ? 1.0 : cosine);
+}
+
 /* scaled (n,) = factor times values */
 static void STAGE(scale)(int64_t n, const double *values, double factor, double *scaled) {
   for (int64_t i = 0; i < n; i++) scaled[i] = factor * values[i];
 }
 
 /* Pose (D,) and root (7,) of a frame, their prior's mean (D,), covariance (D, D) and root (9,), and the uncertainty
-   (J - 1,) of joints. inflation: factor of the neighbours' variances; steps: those taken by the fit.
+   (J - 1,) of joints. numbers (2,): factor of the neighbours' variances, and tilt; steps: those taken by the fit.
    doubles, singles: work, see `_work` in Python. Returns as `innovation`, or 2 if a matrix is not finite. */
 EXPORT int64_t STAGE(estimate)(const Best *b, const BestConstants *c, const STAGE(Frame) * frame, double *doubles,
                                float *singles, double *mean, double *covariance, double *root, double *pose,
-                               double *fitted, double *uncertainty, double *inflation, int64_t *steps) {
+                               double *fitted, double *uncertainty, double *numbers, int64_t *steps) {
   int64_t size = b->poses->size, square = size * size, status;
   double *closest = doubles, *closest_covariance = closest + size, *between = closest_covariance + square;
   double *between_covariance = between + size, *scaled = between_covariance + square, *work = scaled + square;
@@ -160,6 +173,7 @@ EXPORT int64_t STAGE(estimate)(const Best *b, const BestConstants *c, const STAG
   if ((status = STAGE(deviation)(b, c, frame, closest, closest_covariance, root, work, &off))) return status;
   double widening = off / c->usual_deviation * (off / c->usual_deviation);
   if (!b->is_known || widening < 1.0) widening = 1.0;
+  double *inflation = numbers;
   *inflation = 0.0;
   double *prior = closest, *spread = scaled; /* the prior so far */
   if (!learned) {
@@ -197,6 +211,7 @@ EXPORT int64_t STAGE(estimate)(const Best *b, const BestConstants *c, const STAG
                                       frame->origins, sigmas, mean, covariance, root, root + 7, b->limits, settings,
                                       c->steps, work + frame->rows, pose, fitted, steps)))
     return status;
+  numbers[1] = STAGE(tilt)(b->markers, frame->count, frame->chosen, fitted);
   const double *vague = learned ? learned : closest;
   const double *deviations = learned ? frame->learned_covariance : closest_covariance;
   for (int64_t j = 0; j < size; j += 3) {

@@ -1,5 +1,9 @@
 /* Root and closest examples of a frame that continues a motion: core/solver/locator.py. */
 
+#ifndef AHEAD
+#define AHEAD 8 /* number of frames for which memory is asked beforehand */
+#endif
+
 static int STAGE(is_nearer)(Candidate a, Candidate b) {
   return a.distance < b.distance || (a.distance == b.distance && a.index < b.index);
 }
@@ -50,6 +54,14 @@ static void STAGE(sort)(Candidate *all, int64_t n) {
 static Candidate STAGE(candidate)(double distance, int64_t index) {
   Candidate found = {isnan(distance) ? INFINITY : distance, index};
   return found;
+}
+
+/* Asks for what is stored about a frame, because frames lie apart in memory. */
+static void STAGE(fetch)(const Cells *cells, int64_t frame) {
+  const char *row = (const char *)(cells->frames->rows + cells->frames->places[frame] * cells->frames->width);
+  const char *pose = (const char *)(cells->poses + frame * cells->size);
+  for (int64_t at = 0; at < cells->frames->width * 2; at += 64) __builtin_prefetch(row + at);
+  for (int64_t at = 0; at < cells->size * 4; at += 64) __builtin_prefetch(pose + at);
 }
 
 /* Distance of a database frame from a target and weights (3 M,) and a pose (D,), of which the latter may be null. */
@@ -141,6 +153,7 @@ static int64_t STAGE(near)(const Cells *cells, const float *target, const float 
   for (int64_t k = 0; k < wanted; k++) {
     int64_t frame = f->order[among[k].index];
     among[k].index = frame;
+    if (k + AHEAD < sorted) STAGE(fetch)(cells, f->order[among[k + AHEAD].index]);
     if (k < sorted)
       among[k] = STAGE(candidate)(STAGE(frame_distance)(cells, frame, target, weights, pose, pose_weight), frame);
   }
@@ -202,13 +215,13 @@ static void STAGE(query)(const Locator *l, const double *points, const double *r
 /* Root (7,) and examples for points (M, 3), NaN where not located, and a pose (D,) that continues the motion.
 
    root: that of the last frame; then the one found. found: frames from which examples were chosen; chosen (examples,):
-   these, with their distances, poses (examples, D) and markers (examples, M, 3).
-   counts (3,): frames found, chosen and visited. doubles: work for 13 M + 3 values; singles: 6 M + 2 rows + D;
+   these, with their distances, poses (examples, D) and markers (examples, M, 3), closest first.
+   counts (3,): frames found, chosen and visited; nearest: RMS distance (m) of the points from the closest example. doubles: work for 13 M + 3 values; singles: 6 M + 2 rows + D;
    among: see `near`; found has room for the cells and for all frames compared.
    Returns 0, or 2 if a point or a pose is not finite. */
 EXPORT int64_t STAGE(locate)(const Locator *l, const double *points, const double *continued, double *doubles,
                              float *singles, Candidate *among, double *root, int64_t *found, int64_t *chosen,
-                             double *distances, float *poses, float *markers, int64_t *counts) {
+                             double *distances, float *poses, float *markers, int64_t *counts, double *nearest_m) {
   static const double still[9] = {1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0}, origin[3] = {0.0};
   const Cells *cells = l->cells;
   const Frames *f = cells->frames;
@@ -239,6 +252,7 @@ EXPORT int64_t STAGE(locate)(const Locator *l, const double *points, const doubl
   STAGE(query)(l, points, root, local, target, weights);
   int64_t nearest = 0;
   for (int64_t k = 0; k < counts[0]; k++) {
+    if (k + AHEAD < counts[0]) STAGE(fetch)(cells, found[k + AHEAD]);
     among[k] = STAGE(candidate)(STAGE(frame_distance)(cells, found[k], target, weights, pose, pose_weight), found[k]);
     if (STAGE(is_nearer)(among[k], among[nearest])) nearest = k;
   }
@@ -246,6 +260,18 @@ EXPORT int64_t STAGE(locate)(const Locator *l, const double *points, const doubl
     if (!(among[k].distance > 0.0)) among[k].distance = 0.0;
     if (k != nearest) among[k].distance *= l->factors[among[k].index];
   }
+  double square = 0.0;
+  int64_t located = 0;
+  const int16_t *own = f->rows + f->places[among[nearest].index] * f->width;
+  for (int64_t m = 0; m < count; m++) { /* local are the points in the root's frame */
+    if (!STAGE(is_located)(points + 3 * m)) continue;
+    located++;
+    for (int64_t i = 3 * m; i < 3 * m + 3; i++) {
+      double away = local[i] - (double)((float)own[i] * (float)f->unit);
+      square += away * away;
+    }
+  }
+  *nearest_m = located ? sqrt(square / (double)located) : NAN;
   counts[1] = l->examples < counts[0] ? l->examples : counts[0];
   STAGE(select)(among, counts[0], counts[1]);
   STAGE(sort)(among, counts[1]);

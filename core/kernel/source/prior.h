@@ -71,9 +71,15 @@ EXPORT int64_t STAGE(neighbours_prior)(const int64_t *sizes, const float *poses,
       start[c] = from[c][0];
       if (first + c < used) means[first + c] = start[c];
     }
+    int is_whole = first + PANEL <= used; /* columns that lie next to each other are read together */
+    for (int c = 1; c < PANEL; c++) is_whole &= from[c] == from[0] + c && step[c] == step[0];
     for (int64_t k = 0; k < count; k++) {
       float weight = (float)work[k], *row = panel + k * PANEL;
-      for (int c = 0; c < PANEL; c++) row[c] = first + c < used ? from[c][k * step[c]] - start[c] : 0.0f;
+      if (is_whole)
+        memcpy(row, from[0] + k * step[0], PANEL * sizeof(float));
+      else
+        for (int c = 0; c < PANEL; c++) row[c] = first + c < used ? from[c][k * step[c]] : start[c];
+      for (int c = 0; c < PANEL; c++) row[c] -= start[c];
       for (int c = 0; c < PANEL; c++) shift[c] += weight * row[c];
     }
     for (int64_t k = 0; k < count; k++) {

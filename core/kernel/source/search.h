@@ -81,6 +81,13 @@ EXPORT int64_t STAGE(earlier_markers)(const int16_t *stored, int64_t row_count, 
   for (int64_t k = 0; k < chosen; k++) {
     int64_t now = frames[k];
     if (now < 0 || now >= row_count) return 1;
+    for (int64_t l = 0; l < lags && k + 4 < chosen; l++) { /* frames lie apart in memory */
+      int64_t later = earlier[(k + 4) * lags + l];
+      if (later < 0 || later >= row_count) return 1;
+      __builtin_prefetch(stored + places[later] * width);
+      __builtin_prefetch(stored + places[later] * width + 32);
+      __builtin_prefetch(matrices + 9 * later);
+    }
     float back[9];
     for (int i = 0; i < 9; i++) back[i] = (float)matrices[9 * now + i] * matrix_unit;
     for (int64_t l = 0; l < lags; l++) {
