@@ -11,7 +11,7 @@ from pathlib import Path
 import cv2
 import pytest
 from desktop import ROOT, BlenderWindow, Desktop
-from sidebar_steps import GUIDED_S, TESTED_FRAMES, follow_guide, opened, received
+from sidebar_steps import CAPTURED, GUIDED_S, TESTED_FRAMES, follow_guide, opened, received
 
 PICTURES = ROOT / "docs" / "pictures"
 JPEG = [cv2.IMWRITE_JPEG_QUALITY, 88]
@@ -38,8 +38,8 @@ def keep(picture: Path, name: str, part: tuple[slice, slice] = (slice(None), sli
 
 
 def wait_for_calm(window: BlenderWindow) -> None:
-    """Wait for enough frames; for a picture that is kept, also a little for a moment without a warning."""
-    window.wait(lambda s: received(s) > TESTED_FRAMES, "frames", GUIDED_S)
+    """Wait for some frames; for a picture that is kept, for the behaviour and a little for a moment without a warning."""
+    window.wait(lambda s: received(s) > (TESTED_FRAMES if KEEPS_PICTURES else CAPTURED), "frames", GUIDED_S)
     limit = time.monotonic() + (CALM_S if KEEPS_PICTURES else 0.0)
     while window.state()["capture"].get("notices") and time.monotonic() < limit:
         time.sleep(0.1)
