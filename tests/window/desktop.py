@@ -67,7 +67,7 @@ class Desktop:
         return pixels
 
     def wait_until_calm(self) -> None:
-        """Wait until two pictures in succession are the same; during a capture, whose picture changes always, a second."""
+        """Wait until two pictures in succession are the same, or for a second: a capture changes them always."""
         limit = time.monotonic() + CALM_S
         last = self.seen()
         while time.monotonic() < limit:
