@@ -17,7 +17,6 @@ SHARED = ROOT.parent / "shared"
 LONGEST = (
     "window/test_first_hour.py",
     "window/test_walkthrough.py",
-    "window/test_newcomer.py",
     "window/test_capture.py",
     "setup_check/test_setup_check.py",
     "bench/test_command.py",

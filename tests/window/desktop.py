@@ -19,6 +19,7 @@ import numpy as np
 ROOT = Path(__file__).resolve().parents[2]
 OBSERVER = Path(__file__).with_name("observer.py")
 PATIENCE_S = 180.0
+CALM_S = 1.0  # in which what has just been asked for is drawn, if the machine is not busy
 DRAWING_S = 30.0  # in which a busy machine has drawn the sidebar again
 
 
@@ -64,6 +65,17 @@ class Desktop:
         path.unlink()
         assert pixels is not None
         return pixels
+
+    def wait_until_calm(self) -> None:
+        """Wait until two pictures in succession are the same, or for a second: a capture changes them always."""
+        limit = time.monotonic() + CALM_S
+        last = self.seen()
+        while time.monotonic() < limit:
+            time.sleep(0.2)
+            now = self.seen()
+            if np.array_equal(now, last):
+                return
+            last = now
 
     def move(self, x: float, y: float) -> None:
         """Move the pointer; (0, 0) is the top left."""
@@ -192,7 +204,8 @@ class BlenderWindow:
         self._desktop.move(*self.from_top(view, view[2] * 0.2, view[3] * 0.8))  # a button under the pointer is lighter
         deadline = time.monotonic() + DRAWING_S
         while True:
-            time.sleep(1.0)
+            time.sleep(0.4)  # as after any movement of the pointer
+            self._desktop.wait_until_calm()
             picture = self._desktop.screenshot(picture_name)
             state = self.state()
             region = state["regions"]["UI"]

@@ -80,5 +80,9 @@ def every_tenth():
     return 0.1
 
 
+if "PERFANIM_KEEP_PICTURES" not in os.environ:
+    # Without a graphics card the processors draw the viewport, again and again until its edges are smooth: a capture
+    # has hardly any processor time left. No test looks at edges.
+    bpy.context.preferences.system.viewport_aa = "OFF"
 observer_rates.watch()
 bpy.app.timers.register(every_tenth, persistent=True)

@@ -52,7 +52,7 @@ class Hand:
     def shot(self, step: str) -> Path:
         """Keep a picture of the screen, without the pointer over a button."""
         self.away()
-        time.sleep(1.0)
+        self._desktop.wait_until_calm()
         self._shots += 1
         return self._desktop.screenshot(f"{self._name}-{self._shots:02d}-{step}")
 

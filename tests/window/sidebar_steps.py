@@ -99,6 +99,11 @@ def begin(
 def press(window: BlenderWindow, hand: Hand, button: str, panel: str) -> str:
     """Click on the guide's button, wait for the end of its work, and return what the panel says."""
     begin(window, hand, button)
+    return ended(window, button, panel)
+
+
+def ended(window: BlenderWindow, button: str, panel: str) -> str:
+    """Wait for the end of a button's work, and return what the panel says."""
     state = window.wait(lambda s: s["capture"]["activity"] is None, f"end of {button}", GUIDED_S)
     return str(state["capture"]["messages"].get(panel))
 
@@ -116,7 +121,10 @@ def follow_guide(window: BlenderWindow, hand: Hand) -> Iterator[tuple[str, Path]
     window.order("set", values={"practise_fault": "NONE"})
     assert press(window, hand, "Check Setup", "guide") == "no fault was found"
     yield "calibrate", hand.shot("calibrate")
-    assert press(window, hand, "Calibrate with Board", "cameras").startswith("good")
+    begin(window, hand, "Calibrate with Board")
+    window.wait(lambda s: s["preview"]["shown"] and s["capture"]["heading"] > "0 views", "a view")
+    yield "board", hand.shot("board")
+    assert ended(window, "Calibrate with Board", "cameras").startswith("good")
     yield "floor", hand.shot("floor")
     assert press(window, hand, "Set Floor from Board", "cameras").startswith("floor set")
     yield "markers", hand.shot("markers")
@@ -129,9 +137,9 @@ def follow_guide(window: BlenderWindow, hand: Hand) -> Iterator[tuple[str, Path]
     wait_for_frames(window, TESTED_FRAMES)
     yield "live", hand.shot("live")
     hand.click("Stop Capture", sidebar=True)
-    ended = window.wait(lambda s: s["capture"]["activity"] is None, "end")
+    state = window.wait(lambda s: s["capture"]["activity"] is None, "end")
     yield "walk test", hand.shot("walk-test")
-    assert ended["capture"]["walk"].startswith("captures will be "), ended["capture"]
+    assert state["capture"]["walk"].startswith("captures will be "), state["capture"]
 
 
 def armatures(window: BlenderWindow) -> dict[str, list[str]]:

@@ -9,14 +9,18 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import cv2
+import numpy as np
 import pytest
-from desktop import ROOT, BlenderWindow, Desktop
-from sidebar_steps import GUIDED_S, TESTED_FRAMES, follow_guide, opened, received
+from desktop import DRAWING_S, ROOT, BlenderWindow, Desktop
+from sidebar_steps import CAPTURED, GUIDED_S, TESTED_FRAMES, follow_guide, opened, received
 
 PICTURES = ROOT / "docs" / "pictures"
 JPEG = [cv2.IMWRITE_JPEG_QUALITY, 88]
 KEEPS_PICTURES = "PERFANIM_KEEP_PICTURES" in os.environ
 CALM_S = 60.0
+CORNER_COLOUR = np.array((60, 220, 255))  # blue, green, red
+LEAST_MARKED_PX = 100  # of two boards of 54 corners
+NO_PREVIEW = {"shown": False, "image": False}
 KEPT_STEPS = {"reflection": "guide-fault", "performer": "guide"}  # steps of the guide with a picture in the documents
 
 
@@ -38,8 +42,8 @@ def keep(picture: Path, name: str, part: tuple[slice, slice] = (slice(None), sli
 
 
 def wait_for_calm(window: BlenderWindow) -> None:
-    """Wait for enough frames; for a picture that is kept, also a little for a moment without a warning."""
-    window.wait(lambda s: received(s) > TESTED_FRAMES, "frames", GUIDED_S)
+    """Wait for frames; for a picture that is kept, for those of the behaviour, and for a moment without a warning."""
+    window.wait(lambda s: received(s) > (TESTED_FRAMES if KEEPS_PICTURES else CAPTURED), "frames", GUIDED_S)
     limit = time.monotonic() + (CALM_S if KEEPS_PICTURES else 0.0)
     while window.state()["capture"].get("notices") and time.monotonic() < limit:
         time.sleep(0.1)
@@ -77,3 +81,33 @@ def test_the_guide_leads_from_cameras_to_a_capture(desktop: Desktop, window: Ble
     for step, picture in follow_guide(window, hand):
         if step in KEPT_STEPS:
             keep(picture, KEPT_STEPS[step])
+        if step == "exposure":
+            assert "calibrate the cameras" in window.order("call", operator="start_capture")["error"]
+        elif step == "board":
+            wait_for_corners(desktop, window)
+        elif step == "floor":
+            assert window.state()["preview"] == NO_PREVIEW
+        elif step == "ready":
+            window.order("set", values={"capture_preview": True})
+        elif step == "live":
+            window.wait(lambda s: s["preview"]["shown"], "what the cameras see")
+    state = window.state()
+    assert state["preview"] == NO_PREVIEW
+    (action,) = state["actions"].values()
+    assert action["keys_min"] == action["keys_max"] == round(action["last"]) >= 24  # a second of the scene
+    # what was recorded begins in a T pose, seen by calibrated cameras
+    confidence = window.order("last_run")["confidence"]
+    assert sorted(confidence)[len(confidence) // 2] > 0.5
+
+
+def wait_for_corners(desktop: Desktop, window: BlenderWindow) -> None:
+    """Look at the screen until the viewport shows a board with its corners marked, as the preview does."""
+    limit = time.monotonic() + DRAWING_S
+    while True:
+        view = window.state()["regions"]["WINDOW"]
+        left, top = map(int, window.from_top(view, 0, 0))
+        pixels = desktop.seen()[top : top + view[3], left : left + view[2]].astype(int)
+        marked = int((np.abs(pixels - CORNER_COLOUR).max(axis=2) < 40).sum())
+        if marked > LEAST_MARKED_PX:
+            return
+        assert time.monotonic() < limit, f"{marked} pixels of the corners' colour"

@@ -7,6 +7,7 @@ import pytest
 from desktop import BlenderWindow, Desktop
 from pointing import Hand
 
+UNDONE_S = 3.0  # in which a key that is not lost has undone a step
 FRAMES = [1, 10, 20]
 BONES = ["hips", "hand.L", "toes.R"]
 
@@ -32,9 +33,11 @@ def undone(desktop: Desktop, window: BlenderWindow, hand: Hand, before: Any) -> 
     for _ in range(3):
         hand.away()
         desktop.key("ctrl+z")
-        time.sleep(3.0)
-        if shown(window) == before:
-            return
+        limit = time.monotonic() + UNDONE_S
+        while time.monotonic() < limit:
+            if shown(window) == before:
+                return
+            time.sleep(0.2)
     raise AssertionError(f"undo has not brought the motion back: {hand.shot('not-undone')}")
 
 
