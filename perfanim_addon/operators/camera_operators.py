@@ -260,6 +260,10 @@ class PERFANIM_OT_save_board(JobOperator, bpy.types.Operator, ExportHelper):
     filename_ext = ".pdf"
     filter_glob: bpy.props.StringProperty(default="*.pdf", options={"HIDDEN"})
 
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        self.filepath = board_spec(settings(context)).replace(":", "-") + self.filename_ext
+        return set(ExportHelper.invoke(self, context, event))
+
     def arguments(self, context: bpy.types.Context) -> list[str]:
         return ["calibrate", "board", "--spec", board_spec(settings(context)), "--out", self.filepath]
 

@@ -61,9 +61,9 @@ class _Step(SidebarPanel):
             row.label(text=job.heading, icon="TIME")
         else:
             state = type(self).state(settings(context))
-            row.alert = not state.ready
+            row.alert = not state.ready or bool(state.doubt)
             text = header_status(context, self.bl_label, state.text)
-            row.label(text=text, icon="CHECKMARK" if state.ready else "ERROR")
+            row.label(text=text, icon="ERROR" if row.alert else "CHECKMARK")
         row.separator()
 
     def draw(self, context: bpy.types.Context) -> None:
@@ -73,8 +73,9 @@ class _Step(SidebarPanel):
         column.enabled = running_capture() is None
         self.draw_step(column, chosen)
         state = type(self).state(chosen)
-        if state.problem and job_of(self.key) is None:
-            draw_text(context, layout, state.problem, "ERROR")
+        problem = state.problem or state.doubt
+        if problem and job_of(self.key) is None:
+            draw_text(context, layout, problem, "ERROR")
         elif state.ready and header_status(context, self.bl_label, state.text) != state.text:  # shortened above
             draw_text(context, layout, state.text, "CHECKMARK")
         draw_outcome(context, layout, self.key)

@@ -153,10 +153,7 @@ def _exposure(settings: Any) -> StepStatus:
 def _calibrated(settings: Any) -> StepStatus:
     """Return the status of the cameras, which are to be calibrated again if the calibration's own verdict says so."""
     state = readiness.cameras(settings)
-    if not state.ready or readiness.is_known(settings) or not readiness.has_cameras(settings):
-        return state
-    rig = readiness.rig(absolute(settings.calibration))
-    return _TODO if rig.metadata.get("verdict") == "redo" else state
+    return _TODO if state.doubt else state
 
 
 def _floor(settings: Any) -> StepStatus:

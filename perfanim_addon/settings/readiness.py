@@ -46,6 +46,7 @@ class StepStatus:
     state: StepState
     text: str  # a few words for the panel's header
     problem: str = ""  # full explanation unless the step is ready
+    doubt: str = ""  # why a step that is ready should be done again
 
     @property
     def ready(self) -> bool:
@@ -217,6 +218,9 @@ def cameras(settings: Any) -> StepStatus:
         if count != len(calibrated):
             text = f"calibrated for {len(calibrated)} cameras, but {count} are chosen"
             return faulty(text, f"{text}: calibrate the chosen cameras, or open their calibration, under Cameras")
+    if calibrated.metadata.get("verdict") == "redo":
+        advice = "this calibration's own verdict is redo: calibrate the cameras again for a better capture"
+        return StepStatus(StepState.READY, "calibrate again", doubt=advice)
     if is_one_camera(settings):
         return ready("one camera")
     apart = float(np.linalg.norm(calibrated.cameras[0].centre_m - calibrated.cameras[-1].centre_m))

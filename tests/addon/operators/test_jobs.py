@@ -126,6 +126,11 @@ def test_the_board_is_watched_with_all_chosen_cameras(part: Any, errors: Any) ->
 def test_the_board_is_written_to_be_printed(part: Any, tmp_path: Path) -> None:
     operator = part("operators.camera_operators").PERFANIM_OT_save_board
     chosen = bpy.context.scene.perfanim
+    chosen.board_columns, chosen.board_square_mm = 10, 22.5
+    asks = SimpleNamespace(scene=bpy.context.scene, window_manager=SimpleNamespace(fileselect_add=lambda asked: None))
+    clicked = SimpleNamespace(filepath="", filename_ext=".pdf")
+    operator.invoke(clicked, asks, None)
+    assert clicked.filepath == "chessboard-10x6-22.5mm.pdf"
     for chosen.board_kind in ("CHESSBOARD", "CHARUCO"):
         target = tmp_path / f"{chosen.board_kind}.pdf"
         text = run_job(part, operator, SimpleNamespace(filepath=str(target)))

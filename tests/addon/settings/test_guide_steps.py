@@ -116,6 +116,8 @@ def test_a_calibration_to_be_done_again_is_no_step_done(guide: Any, chosen: Any,
     assert step.title == "Calibrate" and step.passing(chosen) == "Use This Calibration"
     bpy.ops.perfanim.skip_step()
     assert title(guide, chosen) == "Floor"
+    state = guide.readiness.cameras(chosen)
+    assert state.ready and state.text == "calibrate again" and "verdict is redo" in state.doubt
     chosen.practise = False  # the simulated performer needs no calibration
     assert guide._calibrated(chosen).ready
 
