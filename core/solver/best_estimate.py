@@ -2,10 +2,12 @@
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from ..geometry.arrays import Array, FloatArray, IntArray
+from ..geometry.arrays import Array, FloatArray, IntArray, Mask
 from ..kernel.library import Packed, address, checked, function, stage
 from . import gaussian_conditioning
 from .gaussian_conditioning import Expectation, Prior, continue_prior, deviations, widen_joints
@@ -93,43 +95,32 @@ def _compiled(model: BestModel, problem: FrameProblem, learned: PriorEstimate | 
     solved = model.earlier_poses.recent(state.solved, state.time_s)
     place = np.concatenate((problem.root.rotation, problem.root.position_m))
     followed = (state.pose, state.previous_pose) if state.previous_pose is not None else (None, None)
-    given = (None, None, None, None, None)
+    given: tuple[Array | Mask | None, ...] = (None,) * 5
     if learned:
-        root = np.concatenate((learned.root.rotation, learned.root.position_m))
+        expected = np.concatenate((learned.root.rotation, learned.root.position_m))
         hidden = model.subject.hidden_joints(problem.observation.seen)
-        given = (*learned.pose, root, np.array(learned.root_sigma), np.ascontiguousarray(hidden))
+        given = (*learned.pose, expected, np.array(learned.root_sigma), np.ascontiguousarray(hidden))
     frame = Packed(
         count, np.ascontiguousarray(examples.frames, dtype=np.int64),
         np.ascontiguousarray(examples.distances, dtype=np.float64), np.ascontiguousarray(examples.poses),
         observed, solved, place, *followed, rows, controls.markers, np.ascontiguousarray(controls.axes),
         np.ascontiguousarray(controls.origins_m), controls.noise_m, *given,
     )  # fmt: skip
-    mean, covariance, fitted_prior_root = np.empty(size), np.empty((size, size)), np.empty(9)
+    mean, covariance, prior_root = np.empty(size), np.empty((size, size)), np.empty(9)
     pose, fitted, uncertainty = np.empty(size), np.empty(7), np.empty(size // 3)
     numbers, steps = np.empty(2), np.empty(1, dtype=np.int64)
-    found = mean, covariance, fitted_prior_root, pose, fitted, uncertainty, numbers, steps
-    work = _work(model, count, rows, size)
-    checked(
-        _ESTIMATE(model.packed.address, _CONSTANTS.address, frame.address, *map(address, work), *map(address, found))
-    )
-    root_sigma = (float(fitted_prior_root[7]), float(fitted_prior_root[8]))
-    root = RootPose(fitted_prior_root[:4], fitted_prior_root[4:7])
+    found: tuple[NDArray[Any], ...] = mean, covariance, prior_root, pose, fitted, uncertainty, numbers, steps
+    memory = map(address, (*_work(model, count, rows, size), *found))
+    checked(_ESTIMATE(model.packed.address, _CONSTANTS.address, frame.address, *memory))
+    root_sigma = (float(prior_root[7]), float(prior_root[8]))
+    root = RootPose(prior_root[:4], prior_root[4:7])
     expectation = Expectation(Prior(mean, covariance), problem.observation, root, root_sigma, model.limits)
     inflation, tilt_rad = numbers.tolist()
-    return Estimate(
-        pose,
-        RootPose(fitted[:4], fitted[4:]),
-        count,
-        0,
-        int(steps[0]),
-        expectation,
-        uncertainty,
-        inflation > 1.0,
-        tilt_rad,
-    )
+    fit = pose, RootPose(fitted[:4], fitted[4:])
+    return Estimate(*fit, count, 0, int(steps[0]), expectation, uncertainty, inflation > 1.0, tilt_rad)
 
 
-def _work(model: BestModel, count: int, rows: int, size: int) -> tuple[Array, FloatArray]:
+def _work(model: BestModel, count: int, rows: int, size: int) -> tuple[NDArray[Any], NDArray[Any]]:
     """Return memory for the kernel: double and single precision."""
     whole, markers, width, most = len(model.floor), 3 * len(model.subject.joints), 6 + size, rows + size
     of_history = 2 * (whole - size) + count * len(model.earlier_markers.lags_s) + whole

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..body.standard_skeleton import JOINT_NAMES
 from ..errors import FormatError
@@ -263,8 +264,9 @@ def _compiled_one(prior: MotionPrior, recent: RecentMarkers, root: RootPose) -> 
     size = prior.size
     mean, covariance, sigmas = np.empty(size), np.empty((size, size)), np.empty(2)
     place = np.concatenate((root.rotation, root.position_m))
-    given, found = (contiguous(recent.points_m), contiguous(recent.single, np.bool_)), (mean, covariance, place, sigmas)
-    checked(_ONE(prior.packed.address, *given, *map(address, (*prior.memory(), *found))))
+    arrays: tuple[NDArray[Any], ...] = (*prior.memory(), mean, covariance, place, sigmas)
+    given = contiguous(recent.points_m), contiguous(recent.single, np.bool_)
+    checked(_ONE(prior.packed.address, *given, *map(address, arrays)))
     return PriorEstimate(Prior(mean, covariance), RootPose(place[:4], place[4:]), (float(sigmas[0]), float(sigmas[1])))
 
 

@@ -169,8 +169,8 @@ def test_start_at_a_known_torso_finds_nearer_examples(model, database):
 def test_searches_per_frame_are_bounded(model, database, noisy, monkeypatch):
     """Every second frame jumps; the past is looked beyond now and then only, and looks search a sample only."""
     solver = PoseSolver(model, database, SolveSettings(search="exhaustive"))
-    search, searches = solver._locator._search.nearest, []
-    monkeypatch.setattr(solver._locator._search, "nearest", lambda *query: searches.append(1) or search(*query))
+    search, searches = solver._locator.search.nearest, []
+    monkeypatch.setattr(solver._locator.search, "nearest", lambda *query: searches.append(1) or search(*query))
     other = model.database_markers(database, np.arange(database.frames // 2, database.frames // 2 + 30))
     jumping = np.where(np.arange(30)[:, None, None] % 2, noisy[:30], other + noisy[:1, :1] - other[:1, :1])
     state, reinitialised, counts = solver.initial_state, [], []

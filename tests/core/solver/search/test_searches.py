@@ -218,7 +218,7 @@ def test_poses_are_those_of_the_exhaustive_search(database, model, true_markers,
     solvers = [PoseSolver(model, database, SolveSettings(search=search)) for search in ("exhaustive", name)]
     if name == "cells":  # a small database would be looked at as a whole
         poses = database.poses.reshape(database.frames, -1)
-        solvers[1]._locator._search = CellSearch(database_markers(model, database), poses, scanned=1200)
+        solvers[1]._locator.search = CellSearch(database_markers(model, database), poses, scanned=1200)
     states = [solver.initial_state for solver in solvers]
     apart = []
     for markers in true_markers:
