@@ -208,6 +208,11 @@ class CameraRig:
         rows = [np.insert(camera.ignored_px, 0, index, axis=1) for index, camera in enumerate(self.cameras)]
         return np.concatenate(rows)
 
+    @property
+    def heights_mm(self) -> dict[str, float]:
+        """Height of each optical centre above y = 0, by the camera's name."""
+        return {camera.name: 1e3 * float(camera.centre_m[1]) for camera in self.cameras}
+
     def ignoring(self, places: ArrayLike) -> "CameraRig":
         """Return the rig with other ignored positions (N, 3), as in `ignored`."""
         rows = np.asarray(places, dtype=np.float64).reshape(-1, 3)

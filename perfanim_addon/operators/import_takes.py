@@ -1,5 +1,6 @@
 """Import: marker takes, films and pictures become takes in the list, the first one on the character."""
 
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -55,7 +56,7 @@ class PERFANIM_OT_import_takes(FilesOperator, SolvingOperator, bpy.types.Operato
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         self.body = "CHOSEN" if settings(context).subject else "AUTO"
-        if self.files:  # they were dropped
+        if self.files:  # they were dropped on the 3D view
             return set(context.window_manager.invoke_props_dialog(self, title="Import", confirm_text="Import"))
         return set(FilesOperator.invoke(self, context, event))
 
@@ -68,7 +69,7 @@ class PERFANIM_OT_import_takes(FilesOperator, SolvingOperator, bpy.types.Operato
             height = "" if chosen.subject else f", {chosen.subject_height:.2f} m"
             layout.label(text=f"Performer: {performer}{height}", icon="USER")
             layout.label(text=f"Markers: {Path(readiness.marker_set_source(chosen)).stem}", icon="DOT")
-        if not self.files or any(item.name.lower().endswith(_FILMED) for item in self.files):
+        if may_be_filmed(item.name for item in self.files):
             column = layout.column()
             column.label(text="Films and Pictures")
             draw_props(column, chosen, "follow")
@@ -113,10 +114,22 @@ class PERFANIM_OT_import_takes(FilesOperator, SolvingOperator, bpy.types.Operato
         count = f"{len(kept)} of {len(kept) + len(failed)} takes" if failed else counted(len(kept), "take")
         verdicts = [GOOD] * (len(kept) == 1 and kept[0].get("verdict") == GOOD)
         texts = [f"{count} imported", *verdicts, *failed, *(warning for take in kept for warning in take["warnings"])]
+        texts += [_floor_text(take["camera_heights_mm"]) for take in kept if "camera_heights_mm" in take]
         if self.put_on and len(kept) == 1 and kept[0].get("verdict"):
             text, self.about = _put_on_active(context, first)
             texts.insert(1, text)
         return "; ".join(texts)
+
+
+def may_be_filmed(names: Iterable[str]) -> bool:
+    """Return True if films or pictures are chosen, or no file yet, for which the browser gives an empty name."""
+    given = [name.lower() for name in names if name]
+    return not given or any(name.endswith(_FILMED) for name in given)
+
+
+def _floor_text(heights_mm: dict[str, float]) -> str:
+    cameras = ", ".join(f"{name} {height / 1000:.2f} m" for name, height in heights_mm.items())
+    return f"floor found under the feet; cameras above it: {cameras}"
 
 
 def _put_on_active(context: bpy.types.Context, path: Path) -> tuple[str, tuple[str, ...]]:

@@ -99,12 +99,8 @@ def defect(error: Exception) -> PerfanimError:
 
 
 def report_error(operator: bpy.types.Operator, panel: str, error: PerfanimError) -> set[str]:
-    """Show an error in the panel, also in a pop-up unless the click was in the sidebar, and cancel."""
-    text, region = str(error), bpy.context.region
+    """Report an error, show it in the panel, and cancel."""
+    text = str(error)
     activity.set_message(panel, text, "ERROR")
-    if region is not None and region.type == "UI":
-        activity.redraw_sidebars()
-        operator.report({"WARNING"}, text)  # in the status bar: whoever has clicked there reads the panel
-    else:
-        operator.report({"ERROR"}, " \n".join(wrapped(text, _POP_UP_CHARACTERS)))  # Blender cuts wider lines
+    operator.report({"ERROR"}, " \n".join(wrapped(text, _POP_UP_CHARACTERS)))  # Blender cuts lines that are too wide
     return {"CANCELLED"}

@@ -103,9 +103,13 @@ class PERFANIM_PT_takes(SidebarPanel, bpy.types.Panel):
             if not shown.entries:
                 layout.label(text="No take of this file yet")
         panel_drawing.draw_job(context, layout, KEY)  # above the take's settings, so that it is on small screens
+        text, icon = activity.message(KEY)
+        is_error = icon == "ERROR"
+        panel_drawing.draw_text(context, layout, text if is_error else "", icon)
         if 0 <= shown.active < len(shown.entries):
             _draw_take(context, layout, shown.entries[shown.active])
-        panel_drawing.draw_text(context, layout, *activity.message(KEY))  # below them, so that no button moves away
+        # the result of a button below it, so that no button moves away
+        panel_drawing.draw_text(context, layout, "" if is_error else text, icon)
         _draw_room(layout, len(take_library.listed()))
 
 

@@ -38,8 +38,7 @@ def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
         rig, points_m, scale = scaled_to(rig, points_m, 1e-3 * args.longest_mm)
     level = rig_on_floor(rig, points_m, above_m=1e-3 * args.height_mm)
     save_rig(level, args.out)
-    heights_mm = {camera.name: 1e3 * float(camera.centre_m[1]) for camera in level.cameras}
-    return {"markers": len(points_m), "scale": scale, "camera_heights_mm": heights_mm, "out": str(args.out)}
+    return {"markers": len(points_m), "scale": scale, "camera_heights_mm": level.heights_mm, "out": str(args.out)}
 
 
 def _watch(args: argparse.Namespace, rig: Any, progress: Progress) -> Any:

@@ -226,6 +226,8 @@ def _import_take(
     if not solved.verdict.is_good:
         warnings.append(f"{path.name}: {solved.verdict.text}")
     facts = solved.summary() | {"verdict": solved.verdict.text}
+    if filmed is not None and up == "feet" and take.single is not None:
+        facts["camera_heights_mm"] = take.single.rig.heights_mm
     matched = {"marker_set": marker_set.name, "markers": len(marker_set) - len(lacking)}
     return {"take": path.name, "warnings": warnings, "out": str(out)} | matched | facts
 

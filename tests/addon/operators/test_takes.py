@@ -55,6 +55,18 @@ def imported(part: Any, walk: SimpleNamespace, *files: str, put_on: bool = False
     return run_job(part, operator, SimpleNamespace(**given))
 
 
+@pytest.fixture
+def recorded_import(part: Any, walk: SimpleNamespace, listed_takes: Any) -> Any:
+    """Return what the button says of one imported take with these further facts."""
+
+    def said(**facts: Any) -> str:
+        take = {"out": str(recorded(part, walk, "filmed")), "verdict": "good", "warnings": [], **facts}
+        operator = part("operators.import_takes").PERFANIM_OT_import_takes
+        return str(operator.on_result(SimpleNamespace(put_on=False), bpy.context, {"takes": [take], "failed": []}))
+
+    return said
+
+
 def test_marker_takes_are_imported_into_the_list_and_played(
     part: Any, walk: SimpleNamespace, listed_takes: Any, chosen: Any
 ) -> None:
@@ -123,6 +135,20 @@ def test_what_is_not_chosen_is_found_by_the_work(
     is_filmed = files != ["a.c3d"]
     assert ("--cameras" in words) == is_filmed
     chosen.calibration = ""
+
+
+def test_films_and_pictures_have_settings_unless_other_files_are_chosen(part: Any) -> None:
+    may_be = part("operators.import_takes").may_be_filmed
+    assert may_be([]) and may_be([""]) and may_be(["walk.c3d", "LEFT.MP4"])  # [""]: a folder in the file browser
+    assert not may_be(["", "walk.c3d"])
+
+
+def test_the_floor_under_the_feet_is_reported(part: Any, walk: SimpleNamespace, recorded_import: Any) -> None:
+    heights = {"left": 1103.2, "right": 1700.0}
+    assert recorded_import(camera_heights_mm=heights).endswith(
+        "floor found under the feet; cameras above it: left 1.10 m, right 1.70 m"
+    )
+    assert "floor" not in recorded_import()
 
 
 def test_nothing_to_import_is_said_before_any_work(part: Any, walk: SimpleNamespace, listed_takes: Any) -> None:

@@ -48,6 +48,8 @@ def test_one_film_becomes_motion(tracked, tmp_path, capsys):
 @pytest.mark.long
 def test_two_films_become_motion(tracked, tmp_path, capsys):
     told = tracked(1, 4, more=("--floor", "feet"))
+    heights_mm = told["camera_heights_mm"]  # above the beam; 1.9 m above the calibration's floor
+    assert set(heights_mm) == {"cam01", "cam04"} and all(500.0 < height < 1900.0 for height in heights_mm.values())
     assert (told["markers"], told["frames"], told["labels"]) == (33, 60, "those of the body network")
     assert main(["solve", str(tmp_path / "beam.take.npz"), "--out", str(tmp_path / "beam.bvh"), "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["marker_set"] == "blazepose-33"

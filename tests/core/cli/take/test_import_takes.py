@@ -230,5 +230,6 @@ def test_two_films_become_a_take(tmp_path, capsys):
     assert np.median(np.linalg.norm(solved[:frames] - true[:frames], axis=-1)) < 0.08  # the body is fitted, too
     assert sorted(take.setup.capture["tracked"]) == sorted(map(str, studio.glob("*.mkv")))  # for reference pictures
     rigs = take.setup.camera_rig(), load_rig(row["cameras"])
+    assert row["camera_heights_mm"] == pytest.approx(rigs[1].heights_mm, abs=80.0)  # above the floor under the feet
     centres = [[camera.centre_m for camera in rig.cameras] for rig in rigs]
     assert np.linalg.norm(np.subtract(*centres), axis=1).max() < 0.08
