@@ -1,13 +1,12 @@
 """Fit of a prop's pose to its blobs in all images, including those that only one camera sees."""
 
 from collections.abc import Sequence
-from copy import copy
 from dataclasses import dataclass
 
 import numpy as np
 
 from ..geometry import rotations as rot
-from ..geometry.arrays import Array, IntArray, Mask
+from ..geometry.arrays import Array, IntArray
 from ..geometry.camera import Camera
 from ..geometry.least_squares import gauss_newton
 from ..geometry.rigid_transform import transform
@@ -54,12 +53,6 @@ class PropImages:
         self._shifts = np.stack([camera.translation_m for camera in cameras])
         self._focal_px = np.array([camera.focal_px for camera in cameras])
 
-    def without(self, taken: Sequence[Mask]) -> "PropImages":
-        """Return the images without some blobs, given as one mask (n,) for each image; blobs keep their numbers."""
-        rest = copy(self)
-        rest._pixels = [np.where(mask[:, None], np.nan, rows) for mask, rows in zip(taken, self._pixels, strict=True)]
-        return rest
-
     def nearest(self, placed: Placed, limits_px: float | Array) -> IntArray:
         """Return the nearest blob (M, C) to each marker in each image if the marker is also nearest to it, else -1.
 
@@ -78,23 +71,6 @@ class PropImages:
             own = np.argmin(away, axis=0)[blob] == np.arange(len(world))
             result[:, index] = np.where(own & (away.min(axis=1) < limits[index]), blob, -1)
         return result
-
-    def agreement(self, markers_m: Array, limit_px: float) -> Array:
-        """Return how well places of the prop's markers (..., M, 3) agree with the blobs: a sum over the blobs nearby.
-
-        Each marker counts 1 - (d / limit)^2 in each image, with the distance d of the nearest blob, and 0 beyond the
-        limit.
-        """
-        local = np.einsum("cij,...mj->c...mi", self._rotations, markers_m)
-        total = np.zeros(markers_m.shape[:-2])
-        for index, pixels in enumerate(self._pixels):
-            shown = self._normalised[index][np.isfinite(pixels[:, 0])]
-            points = local[index] + self._shifts[index]
-            ahead = np.maximum(points[..., 2:], _S.least_depth_m)
-            offsets = ((points[..., :2] / ahead)[..., None, :] - shown) * self._focal_px[index]
-            squares = np.min(np.sum(offsets * offsets, axis=-1), axis=-1, initial=np.inf)
-            total += np.sum(np.maximum(1.0 - squares / limit_px**2, 0.0), axis=-1)
-        return total
 
     def pixels_of(self, placed: Placed, metres: float) -> Array:
         """Return the length (C, 1) in pixels, in each image, of a distance at the prop's depth."""

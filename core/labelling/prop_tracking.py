@@ -5,9 +5,9 @@ on such points must explain the blobs of each camera, including those that only 
 fit starts from its expected pose instead.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple, TypeAlias
+from typing import NamedTuple
 
 import numpy as np
 
@@ -53,18 +53,9 @@ class PropSettings:
     least_score: float = 4.75  # smallest score of a pose; five blobs reach it with errors below a third of a pixel
     well_explained: float = 0.85  # score per blob above which a pose fitted from the expected one is accepted
     clearly: float = 0.7  # smallest lead of a pose in score over any other
-    turn_rad: float = 0.07  # step of the turns about the line through two points, 4 degrees
-    turned_px: float = 8.0  # largest distance of a blob from a marker of a pose on two points
 
 
 _S = PropSettings()
-
-# returns the blobs of each camera (n,), or the points (N,) of a frame without images, that belong to others
-Taken: TypeAlias = Callable[[MarkerFrame], Sequence[Mask]]
-
-
-def _nothing(frame: MarkerFrame) -> Sequence[Mask]:
-    return [np.zeros(len(rows), dtype=bool) for rows in frame.blobs or (frame.points_m,)]
 
 
 @dataclass(frozen=True)
@@ -73,14 +64,6 @@ class PropDetection:
 
     pose: PropPose
     rest: MarkerFrame  # the frame without the points and blobs of the prop
-
-
-class _Region(NamedTuple):
-    """Points and blobs among which a prop is searched."""
-
-    images: PropImages | None  # None without images
-    allowed: Mask  # (N, M) points to which each marker may be matched
-    fewest: int  # smallest number of markers with a point
 
 
 class _PoseCandidate(NamedTuple):
@@ -126,23 +109,17 @@ class PropTracker:
         self._pose = PropPose(rot.identity(), np.zeros(3))
         self._unconfirmed_since_s: float | None = None  # time of the first detection that may be by chance
 
-    def step(self, frame: MarkerFrame, taken: Taken = _nothing) -> PropDetection:
-        """Return the prop's pose in the next frame, with the frame without the prop's markers.
-
-        Args:
-            taken: Asked when the prop is not near its expected pose. What others explain is then left out: by chance, a
-                few markers of a performer fit some pose of the prop.
-        """
+    def step(self, frame: MarkerFrame) -> PropDetection:
+        """Return the prop's pose in the next frame, with the frame without the prop's markers."""
         if self._last is not None and not 0.0 <= frame.time_s - self._last.time_s <= _S.held_s:
             self._forget()
         expected = self._predict(frame.time_s)
         if self._cameras and len(frame.blobs) == len(self._cameras):
-            return self._by_images(frame, expected, taken)
-        return self._by_points(frame, expected, taken)
+            return self._by_images(frame, expected)
+        return self._by_points(frame, expected)
 
-    def _by_points(self, frame: MarkerFrame, expected: Placed | None, taken: Taken) -> PropDetection:
-        regions = self._regions(frame, None, expected, taken)
-        candidates = next(filter(None, (self._best_fits(frame, region) for region in regions)), [])
+    def _by_points(self, frame: MarkerFrame, expected: Placed | None) -> PropDetection:
+        candidates = self._candidates(frame, expected)
         if not candidates:
             return self._miss(frame)
         best, *others = candidates
@@ -153,9 +130,9 @@ class PropTracker:
         rest = without_points(frame, np.isin(np.arange(len(frame.points_m)), own))
         return self._accept(best.placed, best.rms_m, len(own), len(own) > FEWEST_MARKERS, rest)
 
-    def _by_images(self, frame: MarkerFrame, expected: Placed | None, taken: Taken) -> PropDetection:
+    def _by_images(self, frame: MarkerFrame, expected: Placed | None) -> PropDetection:
         images = PropImages(self._cameras, frame, self.prop)
-        found = self._find_places(frame, images, expected, taken)
+        found = self._find_places(frame, images, expected)
         if not found or any(found[0].score - other.score < _S.clearly for other in found[1:]):
             return self._claim_blobs(frame, images, expected)
         best = found[0]
@@ -163,7 +140,7 @@ class PropTracker:
         rest = _without_own(frame, best.blobs)
         return self._accept(best.placed, images.off_m(best.placed, best.blobs), best.seen, sure, rest)
 
-    def _find_places(self, frame: MarkerFrame, images: PropImages, expected: Placed | None, taken: Taken) -> list[_Fit]:
+    def _find_places(self, frame: MarkerFrame, images: PropImages, expected: Placed | None) -> list[_Fit]:
         """Return the different poses of the prop that the images may show, best first."""
         found: list[_Fit] = []
         if expected is not None:
@@ -171,29 +148,15 @@ class PropTracker:
             if fit is not None and fit.blob_count >= _S.sure_blobs and fit.score > _S.well_explained * fit.blob_count:
                 return [fit]
             found = [fit] if fit is not None else []
-        for region in self._regions(frame, images, expected, taken):
-            starts = [candidate.placed for candidate in self._best_fits(frame, region)]
-            found = self._with_fits(found, region.images or images, starts, _S.near_px)
-            if not found:
-                starts = self._turned(frame, region)
-                found = self._with_fits(found, region.images or images, starts, _S.turned_px)
-            if starts:
-                break
-        return sorted(found, key=lambda fit: -fit.score)
-
-    def _with_fits(
-        self, found: list[_Fit], images: PropImages, starts: Sequence[Placed], limit_px: float
-    ) -> list[_Fit]:
-        """Return the different poses found so far, with those fitted from further starts."""
-        for start in starts:
-            if any(not self._is_elsewhere(start, known.placed) for known in found):
+        for candidate in self._candidates(frame, expected):
+            if any(not self._is_elsewhere(candidate.placed, known.placed) for known in found):
                 continue
-            fit = self._fit(images, start, limit_px)
+            fit = self._fit(images, candidate.placed, _S.near_px)
             if fit is not None:
                 same = [known for known in found if not self._is_elsewhere(fit.placed, known.placed)]
                 if all(known.score < fit.score for known in same):
                     found = [fit, *(known for known in found if known not in same)]
-        return found
+        return sorted(found, key=lambda fit: -fit.score)
 
     def _fit(self, images: PropImages, start: Placed, limit_px: float) -> _Fit | None:
         """Fit the prop to the images from a nearby start; None if they do not show it."""
@@ -218,33 +181,31 @@ class PropTracker:
     def _is_elsewhere(self, one: Placed, other: Placed) -> bool:
         return bool(np.max(np.linalg.norm(one.markers(self.prop) - other.markers(self.prop), axis=1)) > _S.elsewhere_m)
 
-    def _regions(
-        self, frame: MarkerFrame, images: PropImages | None, expected: Placed | None, taken: Taken
-    ) -> Iterator[_Region]:
-        """Yield where to search the prop: near its expected pose if there is one, then everywhere."""
-        points, count = frame.points_m, len(self.prop.names)
+    def _candidates(self, frame: MarkerFrame, expected: Placed | None) -> list[_PoseCandidate]:
+        """Return the best poses of the prop on points; near the expected pose if there are any."""
+        points = frame.points_m
+        if len(points) < FEWEST_MARKERS:
+            return []
+        sigmas = np.sqrt(np.trace(frame.covariances_m2, axis1=1, axis2=2) / 3.0)
+        tolerances = _S.span_m + _S.span_sigmas * (sigmas[:, None] + sigmas[None])
         if expected is not None and self._last is not None:
             markers = expected.markers(self.prop)
             moved = np.linalg.norm(markers - self._last.markers(self.prop), axis=1)
             gates = _S.gate_m + _S.gate_speed_share * moved + _S.gate_hidden_m_s * (expected.time_s - self._last.time_s)
             allowed = np.linalg.norm(points[:, None] - markers[None], axis=-1) < gates
-            yield _Region(images, allowed, FEWEST_MARKERS)
-        others = taken(frame)
-        if images is None:
-            free = ~others[0]
-        else:
-            images, free = images.without(others), np.ones(len(points), dtype=bool)
-            for mask, blobs in zip(others, frame.point_blobs.T, strict=True):
-                free &= ~np.append(mask, False)[blobs]
-        allowed = np.broadcast_to(free[:, None], (len(points), count))
+            near = self._best_fits(frame, tolerances, allowed)
+            if near:
+                return near
+        found = self._best_fits(frame, tolerances)
         # while the prop is hidden, three points elsewhere may match by chance
-        yield _Region(images, allowed, FEWEST_MARKERS + (expected is not None))
+        return [candidate for candidate in found if expected is None or np.sum(candidate.points >= 0) > FEWEST_MARKERS]
 
-    def _best_fits(self, frame: MarkerFrame, region: _Region) -> list[_PoseCandidate]:
-        """Return the best few poses on matching points, best first."""
+    def _best_fits(self, frame: MarkerFrame, tolerances: Array, allowed: Mask | None = None) -> list[_PoseCandidate]:
+        """Return the best few poses on matching points, best first; `allowed` (N, M) limits the matches."""
         points_m = frame.points_m
+        matches = match_rigid_pattern(points_m, self.prop.spans_m, tolerances, FEWEST_MARKERS, allowed)
         found: list[_PoseCandidate] = []
-        for points in self._matches(frame, region.allowed, region.fewest):
+        for points in matches:
             known = points >= 0
             missed = float((~known).sum()) * _S.missed_m**2 / len(points)
             if len(found) >= _S.tried and missed > found[_S.tried - 1].cost_m2:
@@ -257,43 +218,6 @@ class PropTracker:
                 found.append(_PoseCandidate(Placed(turn, shift, frame.time_s), points, rms_m, cost_m2))
                 found.sort(key=lambda candidate: candidate.cost_m2)
         return found[: _S.tried]
-
-    def _matches(self, frame: MarkerFrame, allowed: Mask, fewest: int) -> IntArray:
-        """Return matches (H, M) of points with markers by their distances, see `match_rigid_pattern`."""
-        if np.count_nonzero(allowed.any(axis=1)) < fewest:
-            return np.empty((0, len(self.prop.names)), dtype=np.int64)
-        sigmas = np.sqrt(np.trace(frame.covariances_m2, axis1=1, axis2=2) / 3.0)
-        tolerances = _S.span_m + _S.span_sigmas * (sigmas[:, None] + sigmas[None])
-        return match_rigid_pattern(frame.points_m, self.prop.spans_m, tolerances, fewest, allowed)
-
-    def _turned(self, frame: MarkerFrame, region: _Region) -> list[Placed]:
-        """Return poses with two markers on points, turned about the line through these as the images show."""
-        few = np.count_nonzero(region.allowed.any(axis=1)) <= len(self.prop.names)  # among more, two fit by chance
-        if region.images is None or region.fewest > FEWEST_MARKERS or not few:
-            return []
-        matches = self._matches(frame, region.allowed, 2)
-        pairs = matches[np.sum(matches >= 0, axis=1) == 2]
-        if len(pairs) == 0:
-            return []
-        angles = np.arange(0.0, 2.0 * np.pi, _S.turn_rad)
-        poses: list[tuple[Array, Array]] = []
-        for points in pairs:
-            known = points >= 0
-            turn, shift, _ = place_pattern(self.prop.positions_m[known], frame.points_m[points[known]])
-            start, end = transform(turn, shift, self.prop.positions_m[known])
-            axis = (end - start) / np.linalg.norm(end - start)
-            turns = rot.to_matrix(rot.from_rotation_vector(angles[:, None] * axis))
-            poses.append((turns @ turn, start + (shift - start) @ turns.swapaxes(1, 2)))
-        all_turns, shifts = np.stack([turns for turns, _ in poses]), np.stack([shifts for _, shifts in poses])
-        markers = self.prop.positions_m @ all_turns.swapaxes(2, 3) + shifts[:, :, None]
-        scores = region.images.agreement(markers, _S.turned_px)
-        best = (scores >= np.roll(scores, 1, axis=1)) & (scores > np.roll(scores, -1, axis=1))
-        rows, columns = np.nonzero(best)
-        order = np.argsort(-scores[rows, columns], kind="stable")[: _S.tried]
-        return [
-            Placed(all_turns[row, column], shifts[row, column], frame.time_s)
-            for row, column in zip(rows[order], columns[order], strict=True)
-        ]
 
     def _predict(self, time_s: float) -> Placed | None:
         """Return the expected pose, extrapolated at constant velocity from the last two."""

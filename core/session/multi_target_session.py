@@ -72,7 +72,7 @@ class MultiTargetSession:
         frame = undistort_blobs(usable, self.rig.cameras if self.rig else ())
         props = []
         for tracker in self._trackers:
-            detection = tracker.step(frame, self._assignment.taken)
+            detection = tracker.step(frame)
             frame = detection.rest
             props.append(detection.pose)
         shares = self._assignment.split_frame(frame) if len(self._sessions) > 1 else [frame]

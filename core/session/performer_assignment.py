@@ -52,10 +52,6 @@ class PerformerAssignment:
             shares[index] = share
         return shares
 
-    def taken(self, frame: MarkerFrame) -> list[Mask]:
-        """Return a mask of each camera's blobs that tracked performers explain; without images, one of the points."""
-        return [owner != _NOBODY for owner in self._owners(frame)]
-
     def _owners(self, frame: MarkerFrame) -> list[IntArray]:
         """Return the owner of each blob, by camera; without images, the owner of each point."""
         expected = [session.expected_markers(frame.time_s) for session in self._sessions]

@@ -263,26 +263,3 @@ def test_absent_prop_is_not_found(sword, film):
         assert not sighting.pose.found
         assert sighting.rest is frame
     assert not tracker.step(film(np.empty((0, 3)), 30)).pose.found
-
-
-def test_two_located_markers_and_single_blobs_are_enough(sword, film):
-    """Both cameras show two markers, one camera each two others: distances alone tell no turn, the images do."""
-    turns, places = steady(20)
-    points = np.concatenate((markers_of(sword, turns, places), crowd(2, 20)), axis=1)
-    tracker = PropTracker(sword, film.rig.cameras)
-    for number, row in enumerate(points):
-        pose = tracker.step(film(row, number, ((0, 1), (3, -1), (4, 0)))).pose
-        assert pose.found == (number >= 6), number  # few blobs must agree for a tenth of a second
-        if pose.found:
-            place_m, turn_deg = off(pose, turns[number], places[number])
-            assert place_m < 3.0 * PLACE_M and turn_deg < 3.0 * TURN_DEG  # six blobs tell twelve numbers of six
-
-
-@pytest.mark.parametrize("images", [True, False])
-def test_prop_is_not_searched_among_what_others_explain(sword, film, images):
-    turns, places = steady(3)
-    tracker = PropTracker(sword, film.rig.cameras if images else ())
-    for number, row in enumerate(markers_of(sword, turns, places)):
-        frame = film(row, number, images=images)
-        taken = [np.full(len(rows), number < 2) for rows in frame.blobs or (frame.points_m,)]
-        assert tracker.step(frame, lambda _, taken=taken: taken).pose.found == (number == 2)
