@@ -1,10 +1,12 @@
-"""Comparison of the two bodies of a stage."""
+"""Comparison of the two bodies of a stage, and input for it."""
 
 import contextlib
 from typing import Any
 
 import numpy as np
+from perfanim.core.geometry.camera import Camera
 from perfanim.core.kernel.library import Stage
+from perfanim.core.solver.observation import Observation
 
 
 def assert_same(stage: Stage[..., Any], *arguments: Any, rounding: float = 1e-10) -> None:
@@ -45,3 +47,23 @@ def spoiled(values: np.ndarray, special: float | None, place: int) -> np.ndarray
     if special is not None and result.size:
         result.flat[place % result.size] = special
     return result
+
+
+def seen_by(
+    camera: Camera,
+    generator: np.random.Generator,
+    markers_m: np.ndarray,
+    hidden: float,
+    rays: float,
+    guessed: float,
+) -> Observation:
+    """Return markers seen by cameras, some hidden from both, or from one with or without a guess of the depth."""
+    count = len(markers_m)
+    local = camera.to_camera(markers_m)
+    hides, single, guess = (generator.uniform(size=count) < share for share in (hidden, rays, guessed))
+    alone = ~hides & (single | guess)
+    cameras = np.where(alone, 0, -1)
+    image_points = np.where(alone[:, None], local[:, :2] / local[:, 2:], np.nan)
+    points_m = np.where((hides | (single & ~guess))[:, None], np.nan, markers_m)
+    noise_m = generator.uniform(0.0, 0.01, size=(count, 3))
+    return Observation(points_m, cameras, image_points, (camera,), noise_m)

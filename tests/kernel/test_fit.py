@@ -6,11 +6,10 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 from perfanim.core.geometry import rotations as rot
-from perfanim.core.geometry.camera import Camera, CameraRig
+from perfanim.core.geometry.camera import CameraRig
 from perfanim.core.solver.gaussian_conditioning import Expectation, Prior, fit_to_markers, innovations
-from perfanim.core.solver.observation import Observation
 from perfanim.core.solver.subject_model import RootPose, SubjectModel
-from two_bodies import assert_alike, spoiled
+from two_bodies import assert_alike, seen_by, spoiled
 
 SIGMAS = (0.03, 0.1)  # of the root, m and rad
 # A step more or less, where one ends just below the limit, moves what the markers do not tell.
@@ -73,23 +72,3 @@ def test_any_fit(
     is_vague = spoils == 1 and special == 1e200  # an angle that may be anything: no digits are left of the others
     if len(results) == 2 and np.isfinite(results[0]).all() and results[0][-1] == results[1][-1] and not is_vague:
         np.testing.assert_allclose(results[1], results[0], atol=SAME_STEPS * max(1.0, np.abs(results[0]).max()))
-
-
-def seen_by(
-    camera: Camera,
-    generator: np.random.Generator,
-    markers_m: np.ndarray,
-    hidden: float,
-    rays: float,
-    guessed: float,
-) -> Observation:
-    """Return markers seen by cameras, some hidden from both, or from one with or without a guess of the depth."""
-    count = len(markers_m)
-    local = camera.to_camera(markers_m)
-    hides, single, guess = (generator.uniform(size=count) < share for share in (hidden, rays, guessed))
-    alone = ~hides & (single | guess)
-    cameras = np.where(alone, 0, -1)
-    image_points = np.where(alone[:, None], local[:, :2] / local[:, 2:], np.nan)
-    points_m = np.where((hides | (single & ~guess))[:, None], np.nan, markers_m)
-    noise_m = generator.uniform(0.0, 0.01, size=(count, 3))
-    return Observation(points_m, cameras, image_points, (camera,), noise_m)
