@@ -96,13 +96,13 @@ def gaussian_given(
         observed, variances = observed[seen], variances[seen]
     shares = weights.astype(samples.dtype)
     spread = samples - samples[0]
-    shift = shares @ spread
-    spread -= shift
+    shift = shares.astype(np.float64) @ spread  # digits are left where the first sample is far from the others
+    spread -= shift.astype(spread.dtype)
     # round tiny differences to zero: their products would be subnormal numbers, which are slow
     spread += TINY
     spread -= TINY
     spread *= np.sqrt(shares)[:, None]
-    mean = samples[0] + shift.astype(np.float64)
+    mean = samples[0] + shift
     # double precision from here on, because in single precision subnormal numbers would occur
     covariance = (spread.T @ spread + floor).astype(np.float64)
     own = covariance[kept:, kept:] + np.diag(variances)

@@ -58,7 +58,8 @@ EXPORT int64_t STAGE(neighbours_prior)(const int64_t *sizes, const float *poses,
   int64_t used = seen + size, stride = used + 4;
   double *means = work + count, *joint = means + used;
   for (int64_t first = 0; first < used; first += PANEL) {
-    float start[PANEL] = {0.0f}, shift[PANEL] = {0.0f}, *panel = single + first * count;
+    float start[PANEL] = {0.0f}, *panel = single + first * count;
+    double shift[PANEL] = {0.0}; /* digits are left where the first sample is far from the others */
     const float *from[PANEL];
     int64_t step[PANEL];
     for (int64_t c = 0; c < PANEL; c++) { /* the last columns of the last panel are zero */
@@ -80,12 +81,12 @@ EXPORT int64_t STAGE(neighbours_prior)(const int64_t *sizes, const float *poses,
       else
         for (int c = 0; c < PANEL; c++) row[c] = first + c < used ? from[c][k * step[c]] : start[c];
       for (int c = 0; c < PANEL; c++) row[c] -= start[c];
-      for (int c = 0; c < PANEL; c++) shift[c] += weight * row[c];
+      for (int c = 0; c < PANEL; c++) shift[c] += (double)weight * (double)row[c];
     }
     for (int64_t k = 0; k < count; k++) {
       float root = sqrtf((float)work[k]);
       for (int c = 0; c < PANEL; c++) {
-        float away = panel[k * PANEL + c] - shift[c];
+        float away = panel[k * PANEL + c] - (float)shift[c];
         float rounded = away + tiny; /* adding and subtracting rounds tiny differences to zero */
         panel[k * PANEL + c] = (rounded - tiny) * root;
       }
