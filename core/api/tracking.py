@@ -277,7 +277,7 @@ def _write_trajectories(request: TrackRequest, seen: Sequence[MarkerFrame], fps:
         found |= _compare_takes(take, read_take(request.truth))
     worn = request.points if request.people else request.marker_set
     if request.floor == "feet" and worn is not None:
-        take, found["camera_heights_mm"] = _moved_to_floor(request, take, worn)
+        take, found["camera_heights_mm"] = _to_floor(request, take, worn)
     write_take(take, request.out)
     return facts | found | {"names": list(take.names), "warnings": facts["warnings"] + found["warnings"]}
 
@@ -321,11 +321,9 @@ def _guess(request: TrackRequest, frames: Sequence[MarkerFrame], fps: float) -> 
     }
 
 
-def _moved_to_floor(
-    request: TrackRequest, take: MarkerTake, marker_set: MarkerSet
-) -> tuple[MarkerTake, dict[str, float]]:
+def _to_floor(request: TrackRequest, take: MarkerTake, worn: MarkerSet) -> tuple[MarkerTake, dict[str, float]]:
     """Return the take with its floor at y = 0 and the heights of the cameras; write their calibration if requested."""
-    level = rig_on_floor(request.rig, floor_points(take, marker_set))
+    level = rig_on_floor(request.rig, floor_points(take, worn))
     if request.level_rig:
         save_rig(level, request.level_rig)
     return to_rig_world(take, request.rig, level), level.heights_mm

@@ -128,6 +128,7 @@ def _field(value: "NDArray[Any] | Packed | float | None") -> int:
 
 
 def _place(array: NDArray[Any]) -> int:
+    """Return where the values of a contiguous array lie, which the caller keeps alive."""
     if not array.flags.c_contiguous:
         raise ValueError("the kernel takes contiguous arrays")
     return ctypes.addressof(_VALUES.from_buffer(array)) if array.flags.writeable else int(array.ctypes.data)

@@ -79,10 +79,7 @@ EXPORT int64_t STAGE(innovation)(const int64_t *counts, const int64_t *indices, 
 static void STAGE(moved_root)(const double *root, const double *change, double *moved, double *matrix) {
   double q[4];
   STAGE(quaternion)(change + 3, q);
-  moved[0] = root[0] * q[0] - root[1] * q[1] - root[2] * q[2] - root[3] * q[3];
-  moved[1] = root[0] * q[1] + root[1] * q[0] + root[2] * q[3] - root[3] * q[2];
-  moved[2] = root[0] * q[2] - root[1] * q[3] + root[2] * q[0] + root[3] * q[1];
-  moved[3] = root[0] * q[3] + root[1] * q[2] - root[2] * q[1] + root[3] * q[0];
+  STAGE(multiply)(root, q, moved);
   for (int i = 0; i < 3; i++) moved[4 + i] = root[4 + i] + change[i];
   STAGE(matrix)(moved, matrix);
 }

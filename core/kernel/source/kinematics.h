@@ -19,6 +19,14 @@ static void STAGE(quaternion)(const double *v, double *q) {
   for (int i = 0; i < 3; i++) q[1 + i] = factor * v[i];
 }
 
+/* out = a b, of quaternions; out is neither of them */
+static void STAGE(multiply)(const double *a, const double *b, double *out) {
+  out[0] = a[0] * b[0] - a[1] * b[1] - a[2] * b[2] - a[3] * b[3];
+  out[1] = a[0] * b[1] + a[1] * b[0] + a[2] * b[3] - a[3] * b[2];
+  out[2] = a[0] * b[2] - a[1] * b[3] + a[2] * b[0] + a[3] * b[1];
+  out[3] = a[0] * b[3] + a[1] * b[2] - a[2] * b[1] + a[3] * b[0];
+}
+
 /* matrix of a unit quaternion */
 static void STAGE(matrix)(const double *q, double *matrix) {
   double w = q[0], i = q[1], j = q[2], k = q[3];

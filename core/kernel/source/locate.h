@@ -1,9 +1,5 @@
 /* Root and closest examples of a frame that continues a motion: core/solver/locator.py. */
 
-#ifndef AHEAD
-#define AHEAD 8 /* number of frames for which memory is asked beforehand */
-#endif
-
 static int STAGE(is_nearer)(Candidate a, Candidate b) {
   return a.distance < b.distance || (a.distance == b.distance && a.index < b.index);
 }
@@ -56,7 +52,7 @@ static Candidate STAGE(candidate)(double distance, int64_t index) {
   return found;
 }
 
-/* Asks for what is stored about a frame, because frames lie apart in memory. */
+/* Asks for what is stored about a frame. */
 static void STAGE(fetch)(const Cells *cells, int64_t frame) {
   const char *row = (const char *)(cells->frames->rows + cells->frames->places[frame] * cells->frames->width);
   const char *pose = (const char *)(cells->poses + frame * cells->size);

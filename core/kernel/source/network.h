@@ -94,10 +94,7 @@ EXPORT int64_t STAGE(learned_prior)(const Network *n, const double *points, cons
   STAGE(matrix)(root, r);
   STAGE(quaternion)(means, turn);
   memcpy(q, root, sizeof q);
-  root[0] = q[0] * turn[0] - q[1] * turn[1] - q[2] * turn[2] - q[3] * turn[3];
-  root[1] = q[0] * turn[1] + q[1] * turn[0] + q[2] * turn[3] - q[3] * turn[2];
-  root[2] = q[0] * turn[2] - q[1] * turn[3] + q[2] * turn[0] + q[3] * turn[1];
-  root[3] = q[0] * turn[3] + q[1] * turn[2] - q[2] * turn[1] + q[3] * turn[0];
+  STAGE(multiply)(q, turn, root);
   STAGE(carry)(root + 4, r, means + 3, root + 4);
   for (int s = 0; s < 2; s++) { /* position, then rotation */
     const double *own = deviations + 3 * (1 - s);

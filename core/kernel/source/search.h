@@ -1,4 +1,6 @@
-/* Search in the database: core/solver/search/row_distances.py and core/solver/lagged_history.py. */
+/* Search in the database: core/solver/search/stored_distances.py and core/solver/lagged_history.py. */
+
+#define AHEAD 8 /* frames for which memory is asked beforehand, because frames lie apart in it */
 
 /* The sum of weights (away)^2 of the eight values at a time and the rest, in one order for every instruction set. */
 static float STAGE(sum)(const v8f *sums, float rest) {
@@ -81,8 +83,8 @@ EXPORT int64_t STAGE(earlier_markers)(const int16_t *stored, int64_t row_count, 
   for (int64_t k = 0; k < chosen; k++) {
     int64_t now = frames[k];
     if (now < 0 || now >= row_count) return 1;
-    for (int64_t l = 0; l < lags && k + 4 < chosen; l++) { /* frames lie apart in memory */
-      int64_t later = earlier[(k + 4) * lags + l];
+    for (int64_t l = 0; l < lags && k + AHEAD < chosen; l++) {
+      int64_t later = earlier[(k + AHEAD) * lags + l];
       if (later < 0 || later >= row_count) return 1;
       __builtin_prefetch(stored + places[later] * width);
       __builtin_prefetch(stored + places[later] * width + 32);
