@@ -4,6 +4,7 @@
 
 #include "assignment.h"
 #include "fit.h"
+#include "labels.h"
 #include "learned.h"
 #include "points.h"
 #include "prior.h"
