@@ -12,6 +12,7 @@ import numpy as np
 
 from ..geometry import rotations as rot
 from ..geometry.arrays import Array, IntArray, Mask
+from ..kernel.library import address, checked, contiguous, function, stage
 from .clock import PAUSE_S
 from .skeleton import Skeleton
 
@@ -78,13 +79,16 @@ class PoseSlewLimit:
             self._ways_m = np.zeros(len(points_m))
             self._seen_s = np.full(len(points_m), time_s)
             self._seen, self._changed = seen, np.zeros(len(points_m), dtype=np.bool_)
-            self._turns = deque[Array](maxlen=1 + _GATHERED_FRAMES)
+            self._turns = np.empty((0, *rotations.shape[:1], 3))
             self._shown, self._trail = rotations, deque[tuple[float, Array]]()
             self._new = _NEW_FRAMES
         else:
             self._changed, changed = seen != self._seen, self._changed
             self._seen = seen
-            limited = self._limited(frames, rotations, in_root_m, self._changed | changed, held)
+            usual_rad, self._ways_m = self._usual_rad(self._changed | changed), self._moved_m(frames, in_root_m)
+            known = rotations, self._raw, self._shown, self._turns, usual_rad, self._shares, self._ways_m
+            limited, turned = limited_turns(frames, *known, held)
+            self._turns = np.concatenate((self._turns[1 - _GATHERED_FRAMES :], turned[None]))
             self._shown = limited if self._new == 0 else rotations
             self._new = max(self._new - 1, 0)
         self._time_s, self._raw, self._in_root_m = time_s, rotations, in_root_m
@@ -107,40 +111,86 @@ class PoseSlewLimit:
         moved = np.sum(np.fmin.reduce(others_m, axis=1, initial=np.inf) > _EXCHANGED_M * frames[far])
         return bool(moved >= max(_CUT_MARKERS, share * np.isfinite(points_m[:, 0]).sum()))
 
-    def _limited(self, frames: float, rotations: Array, in_root_m: Array, changed: Mask, held: bool) -> Array:
-        """Return the rotations (J, 4), limited relative to the last pose shown.
+    def _usual_rad(self, changed: Mask) -> Array:
+        """Return the rotations per frame (J,) that no marker needs to show.
 
         Args:
-            frames: Time since the last pose in 60ths of a second.
             changed: Markers (M,) that appeared or disappeared in this frame or the last.
         """
-        raw, turn = _turn(np.array((self._raw, self._shown)), rotations)
-        self._turns.append(raw / frames)
-        angle = np.maximum(rot.lengths(turn), 1e-12)
-        limit = self._limits(frames, in_root_m, changed, turn / angle[:, None])
-        share = np.zeros(len(turn)) if held else limit * frames / angle
-        share[0] = 1.0
-        late = share < 1.0
-        if not late.any():
-            return rotations
-        limited = rotations.copy()
-        limited[late] = rot.multiply(self._shown[late], rot.from_rotation_vector(share[late, None] * turn[late]))
-        return limited
-
-    def _limits(self, frames: float, in_root_m: Array, changed: Mask, directions: Array) -> Array:
-        """Return the angles (J,) by which joints may turn per frame about given axes (J, 3)."""
-        usual_rad = np.full(len(directions), _USUAL_RAD)
+        usual_rad = np.full(self._shares.shape[1], _USUAL_RAD)
         if changed.any():
             usual_rad[self._limbs[changed].any(axis=0)] = _AT_CHANGE_RAD
+        return usual_rad
+
+    def _moved_m(self, frames: float, in_root_m: Array) -> Array:
+        """Return the movements (M,) of the markers per frame, those of hidden ones fading, 0 for what is too fast."""
         ways_m = rot.lengths(in_root_m - self._in_root_m) / frames
         ways_m = np.where(np.isfinite(ways_m), ways_m, _FADING * self._ways_m)
         ways_m[ways_m > _FASTEST_M] = 0.0
-        self._ways_m = ways_m
-        if len(self._turns) <= _GATHERED_FRAMES:
-            return usual_rad
-        gathered = np.add.reduce(np.array(self._turns) * directions, axis=-1) + frames * _GAINS_RAD
-        explained = np.maximum.reduce(self._shares * ways_m[:, None]) / _LEVER_M
-        return np.asarray(np.maximum(usual_rad, np.minimum(np.minimum.reduce(gathered), explained)))
+        return ways_m
+
+
+_LIMITED = function("limited_turns", "nnndddnppppppppp")
+
+
+def _compiled(
+    frames: float,
+    rotations: Array,
+    raw: Array,
+    shown: Array,
+    turns: Array,
+    usual_rad: Array,
+    shares: Array,
+    ways_m: Array,
+    held: bool,
+) -> tuple[Array, Array]:
+    joints, limited, turned = len(rotations), np.empty(rotations.shape), np.empty((len(rotations), 3))
+    count = _GATHERED_FRAMES if len(turns) == _GATHERED_FRAMES else 0
+    numbers = joints, len(ways_m), count, frames, _GATHERED_RAD, _LEVER_M, held
+    given = map(contiguous, (rotations, raw, shown, turns, usual_rad, shares, ways_m))
+    checked(_LIMITED(*numbers, *given, address(limited), address(turned)))
+    return limited, turned
+
+
+@stage(_compiled)
+def limited_turns(
+    frames: float,
+    rotations: Array,
+    raw: Array,
+    shown: Array,
+    turns: Array,
+    usual_rad: Array,
+    shares: Array,
+    ways_m: Array,
+    held: bool,
+) -> tuple[Array, Array]:
+    """Return rotations (J, 4), limited relative to the last pose shown, and their turns (J, 3) per frame from `raw`.
+
+    Args:
+        frames: Time since the last pose in 60ths of a second.
+        rotations: Solved rotations (J, 4); the root's is returned as it is.
+        raw: The last solved rotations (J, 4).
+        shown: The last limited rotations (J, 4).
+        turns: Turns per frame (T, J, 3) of earlier solved poses; not used until there are enough.
+        usual_rad: Rotations per frame (J,) that no marker needs to show.
+        shares: Shares (M, J) of a marker's movement by which joints may turn.
+        ways_m: Movements (M,) of the markers per frame.
+        held: Keep the joints at their current rotations.
+    """
+    solved, turn = _turn(np.array((raw, shown)), rotations)
+    turned = solved / frames
+    angle = np.maximum(rot.lengths(turn), 1e-12)
+    limit = usual_rad
+    if len(turns) == _GATHERED_FRAMES:
+        along = np.add.reduce(np.concatenate((turns, turned[None])) * turn, axis=-1) / angle
+        explained = np.maximum.reduce(shares * ways_m[:, None]) / _LEVER_M
+        limit = np.maximum(usual_rad, np.minimum(np.minimum.reduce(along + frames * _GAINS_RAD), explained))
+    share = np.zeros(len(turn)) if held else limit * frames / angle
+    share[0] = 1.0
+    late = share < 1.0
+    limited = rotations.copy()
+    limited[late] = rot.multiply(shown[late], rot.from_rotation_vector(share[late, None] * turn[late]))
+    return limited, turned
 
 
 def _turn(start: Array, end: Array) -> Array:

@@ -10,6 +10,7 @@
 #include "prior.h"
 #include "rigid.h"
 #include "search.h"
+#include "slew.h"
 
 #include "locate.h"
 
