@@ -7,6 +7,7 @@ limited: they show another person, or the same one after a gap.
 """
 
 from collections import deque
+from typing import NamedTuple
 
 import numpy as np
 
@@ -86,8 +87,9 @@ class PoseSlewLimit:
             self._changed, changed = seen != self._seen, self._changed
             self._seen = seen
             usual_rad, self._ways_m = self._usual_rad(self._changed | changed), self._moved_m(frames, in_root_m)
-            known = rotations, self._raw, self._shown, self._turns, usual_rad, self._shares, self._ways_m
-            limited, turned = limited_turns(frames, *known, held)
+            before = PosesBefore(self._raw, self._shown, self._turns)
+            limits = TurnLimits(usual_rad, self._shares, self._ways_m)
+            limited, turned = limited_turns(frames, rotations, before, limits, held)
             self._turns = np.concatenate((self._turns[1 - _GATHERED_FRAMES :], turned[None]))
             self._shown = limited if self._new == 0 else rotations
             self._new = max(self._new - 1, 0)
@@ -130,66 +132,60 @@ class PoseSlewLimit:
         return ways_m
 
 
+class PosesBefore(NamedTuple):
+    """Earlier poses of J joints."""
+
+    solved: Array  # (J, 4) the last solved rotations
+    shown: Array  # (J, 4) the last limited rotations
+    turns: Array  # (T, J, 3) turns per frame of earlier solved poses; not used until there are enough
+
+
+class TurnLimits(NamedTuple):
+    """How much J joints may turn, from what M markers show."""
+
+    usual_rad: Array  # (J,) rotations per frame that no marker needs to show
+    shares: Array  # (M, J) shares of a marker's movement by which joints may turn
+    ways_m: Array  # (M,) movements of the markers per frame
+
+
 _LIMITED = function("limited_turns", "nnndddnppppppppp")
 
 
 def _compiled(
-    frames: float,
-    rotations: Array,
-    raw: Array,
-    shown: Array,
-    turns: Array,
-    usual_rad: Array,
-    shares: Array,
-    ways_m: Array,
-    held: bool,
+    frames: float, rotations: Array, before: PosesBefore, limits: TurnLimits, held: bool
 ) -> tuple[Array, Array]:
     joints, limited, turned = len(rotations), np.empty(rotations.shape), np.empty((len(rotations), 3))
-    count = _GATHERED_FRAMES if len(turns) == _GATHERED_FRAMES else 0
-    numbers = joints, len(ways_m), count, frames, _GATHERED_RAD, _LEVER_M, held
-    given = map(contiguous, (rotations, raw, shown, turns, usual_rad, shares, ways_m))
+    count = _GATHERED_FRAMES if len(before.turns) == _GATHERED_FRAMES else 0
+    numbers = joints, len(limits.ways_m), count, frames, _GATHERED_RAD, _LEVER_M, held
+    given = map(contiguous, (rotations, *before, *limits))
     checked(_LIMITED(*numbers, *given, address(limited), address(turned)))
     return limited, turned
 
 
 @stage(_compiled)
 def limited_turns(
-    frames: float,
-    rotations: Array,
-    raw: Array,
-    shown: Array,
-    turns: Array,
-    usual_rad: Array,
-    shares: Array,
-    ways_m: Array,
-    held: bool,
+    frames: float, rotations: Array, before: PosesBefore, limits: TurnLimits, held: bool
 ) -> tuple[Array, Array]:
-    """Return rotations (J, 4), limited relative to the last pose shown, and their turns (J, 3) per frame from `raw`.
+    """Return limited rotations (J, 4), and the turns (J, 3) per frame from the last solved ones.
 
     Args:
         frames: Time since the last pose in 60ths of a second.
         rotations: Solved rotations (J, 4); the root's is returned as it is.
-        raw: The last solved rotations (J, 4).
-        shown: The last limited rotations (J, 4).
-        turns: Turns per frame (T, J, 3) of earlier solved poses; not used until there are enough.
-        usual_rad: Rotations per frame (J,) that no marker needs to show.
-        shares: Shares (M, J) of a marker's movement by which joints may turn.
-        ways_m: Movements (M,) of the markers per frame.
         held: Keep the joints at their current rotations.
     """
-    solved, turn = _turn(np.array((raw, shown)), rotations)
+    solved, turn = _turn(np.array(before[:2]), rotations)
     turned = solved / frames
     angle = np.maximum(rot.lengths(turn), 1e-12)
-    limit = usual_rad
-    if len(turns) == _GATHERED_FRAMES:
-        along = np.add.reduce(np.concatenate((turns, turned[None])) * turn, axis=-1) / angle
-        explained = np.maximum.reduce(shares * ways_m[:, None]) / _LEVER_M
-        limit = np.maximum(usual_rad, np.minimum(np.minimum.reduce(along + frames * _GAINS_RAD), explained))
+    limit = limits.usual_rad
+    if len(before.turns) == _GATHERED_FRAMES:
+        along = np.add.reduce(np.concatenate((before.turns, turned[None])) * turn, axis=-1) / angle
+        explained = np.maximum.reduce(limits.shares * limits.ways_m[:, None]) / _LEVER_M
+        limit = np.maximum(limit, np.minimum(np.minimum.reduce(along + frames * _GAINS_RAD), explained))
     share = np.zeros(len(turn)) if held else limit * frames / angle
     share[0] = 1.0
     late = share < 1.0
     limited = rotations.copy()
-    limited[late] = rot.multiply(shown[late], rot.from_rotation_vector(share[late, None] * turn[late]))
+    limited[late] = rot.multiply(before.shown[late], rot.from_rotation_vector(share[late, None] * turn[late]))
     return limited, turned
 
 

@@ -142,7 +142,8 @@ class Labeller:
             markers, same = np.nonzero(np.all(blobs[:, None] == frame.point_blobs[None], axis=2))
             known[markers] = frame.points_m[same]
         points = _join_cameras(cameras, blobs, normalised, distances, expected, gates, known)
-        self._tracks = located_tracks(self._tracks, points, np.where(np.isfinite(points[:, 0]), np.arange(count), -1), elapsed_s)
+        labels = np.where(np.isfinite(points[:, 0]), np.arange(count), -1)
+        self._tracks = located_tracks(self._tracks, points, labels, elapsed_s)
         return LabelledBlobs(blobs, normalised, points)
 
     def _take_lone_points(self, frame: MarkerFrame, blobs: IntArray, expected_m: Array) -> IntArray:

@@ -31,15 +31,15 @@ EXPORT int64_t STAGE(limited_turns)(int64_t joints, int64_t marker_count, int64_
         const double *past = t < count ? earlier + 3 * (t * joints + j) : own;
         const double along = (past[0] * turn[0] + past[1] * turn[1]) + past[2] * turn[2];
         const double may = along / angle + frames * (gathered * (double)(count - t));
-        if (!(may >= most)) most = may; /* what is not a number stays */
+        if (may < most || isnan(may)) most = may; /* what is not a number stays */
       }
       for (int64_t m = 0; m < marker_count; m++) {
         const double by = shares[m * joints + j] * ways[m];
-        if (!(by <= explained)) explained = by;
+        if (by > explained || isnan(by)) explained = by;
       }
       explained /= lever;
-      if (!(explained >= most)) most = explained;
-      if (!(most <= limit)) limit = most;
+      if (explained < most || isnan(explained)) most = explained;
+      if (most > limit || isnan(most)) limit = most;
     }
     const double share = is_held ? 0.0 : limit * frames / angle;
     if (!(share < 1.0)) continue;
