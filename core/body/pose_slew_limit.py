@@ -35,6 +35,22 @@ _CUT_SHARE_FOUND = 0.6  # this share if the session found the labels, because so
 _EXCHANGED_M = 0.05  # distance per frame from another marker's recent position up to which labels were exchanged
 
 
+class PosesBefore(NamedTuple):
+    """Earlier poses of J joints."""
+
+    solved: Array  # (J, 4) the last solved rotations
+    shown: Array  # (J, 4) the last limited rotations
+    turns: Array  # (T, J, 3) turns per frame of earlier solved poses; not used until there are enough
+
+
+class TurnLimits(NamedTuple):
+    """How much J joints may turn, from what M markers show."""
+
+    usual_rad: Array  # (J,) rotations per frame that no marker needs to show
+    shares: Array  # (M, J) shares of a marker's movement by which joints may turn
+    ways_m: Array  # (M,) movements of the markers per frame
+
+
 class PoseSlewLimit:
     """Limits the rotation rates of joints in successive poses, except the root's.
 
@@ -50,6 +66,7 @@ class PoseSlewLimit:
         levers_m = np.linalg.norm((rest_m[carriers] + offsets_m)[:, None] - rest_m, axis=-1)
         # a marker close to a joint is moved mostly by the joints above
         self._shares = below * np.minimum(levers_m / _LEVER_M, 1.0) ** 2
+        self._before: PosesBefore  # the last poses, once there is one
         self.reset()
 
     def reset(self) -> None:
@@ -80,25 +97,23 @@ class PoseSlewLimit:
             self._ways_m = np.zeros(len(points_m))
             self._seen_s = np.full(len(points_m), time_s)
             self._seen, self._changed = seen, np.zeros(len(points_m), dtype=np.bool_)
-            self._turns = np.empty((0, *rotations.shape[:1], 3))
-            self._shown, self._trail = rotations, deque[tuple[float, Array]]()
-            self._new = _NEW_FRAMES
+            self._trail, self._new = deque[tuple[float, Array]](), _NEW_FRAMES
+            shown, turns = rotations, np.empty((0, len(rotations), 3))
         else:
             self._changed, changed = seen != self._seen, self._changed
             self._seen = seen
             usual_rad, self._ways_m = self._usual_rad(self._changed | changed), self._moved_m(frames, in_root_m)
-            before = PosesBefore(self._raw, self._shown, self._turns)
             limits = TurnLimits(usual_rad, self._shares, self._ways_m)
-            limited, turned = limited_turns(frames, rotations, before, limits, held)
-            self._turns = np.concatenate((self._turns[1 - _GATHERED_FRAMES :], turned[None]))
-            self._shown = limited if self._new == 0 else rotations
-            self._new = max(self._new - 1, 0)
-        self._time_s, self._raw, self._in_root_m = time_s, rotations, in_root_m
+            limited, turned = limited_turns(frames, rotations, self._before, limits, held)
+            shown, turns = limited, np.concatenate((self._before.turns[1 - _GATHERED_FRAMES :], turned[None]))
+            if self._new > 0:
+                shown, self._new = rotations, self._new - 1
+        self._time_s, self._before, self._in_root_m = time_s, PosesBefore(rotations, shown, turns), in_root_m
         self._seen_s[seen] = time_s
         self._trail.append((time_s, points_m))
         while time_s - self._trail[0][0] > PAUSE_S:
             self._trail.popleft()
-        return self._shown
+        return shown
 
     def _is_cut(self, time_s: float, points_m: Array, share: float) -> bool:
         """Return whether many markers are far from all their recent positions."""
@@ -130,22 +145,6 @@ class PoseSlewLimit:
         ways_m = np.where(np.isfinite(ways_m), ways_m, _FADING * self._ways_m)
         ways_m[ways_m > _FASTEST_M] = 0.0
         return ways_m
-
-
-class PosesBefore(NamedTuple):
-    """Earlier poses of J joints."""
-
-    solved: Array  # (J, 4) the last solved rotations
-    shown: Array  # (J, 4) the last limited rotations
-    turns: Array  # (T, J, 3) turns per frame of earlier solved poses; not used until there are enough
-
-
-class TurnLimits(NamedTuple):
-    """How much J joints may turn, from what M markers show."""
-
-    usual_rad: Array  # (J,) rotations per frame that no marker needs to show
-    shares: Array  # (M, J) shares of a marker's movement by which joints may turn
-    ways_m: Array  # (M,) movements of the markers per frame
 
 
 _LIMITED = function("limited_turns", "nnndddnppppppppp")

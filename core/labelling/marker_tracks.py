@@ -42,6 +42,11 @@ class Tracks(NamedTuple):
         never = np.zeros(count, dtype=bool)
         return cls(np.full((count, 3), np.nan), np.full((count, 3), np.nan), np.full(count, np.inf), never, never)
 
+    def copy(self) -> "Tracks":
+        """Return tracks that can be changed without changing these."""
+        numbers = self.positions_m.copy(), self.velocities_m_s.copy(), self.hidden_s.copy()
+        return Tracks(*numbers, self.is_steady.copy(), self.is_confident.copy())
+
 
 _EXPECTED = function("expected_markers", "ndpppppppp")
 
@@ -82,7 +87,7 @@ _LOCATED = function("located_tracks", "nndpppppppp")
 
 
 def _compiled_tracks(tracks: Tracks, points_m: Array, labels: IntArray, elapsed_s: float) -> Tracks:
-    after = Tracks(*(each.copy() for each in tracks))
+    after = tracks.copy()
     given = _PACKED.address, contiguous(points_m), contiguous(labels, np.int64)
     checked(_LOCATED(len(tracks.hidden_s), len(labels), elapsed_s, *given, *map(address, after)))
     return after
@@ -97,7 +102,7 @@ def located_tracks(tracks: Tracks, points_m: Array, labels: IntArray, elapsed_s:
     Args:
         elapsed_s: Time since the last points.
     """
-    positions_m, velocities_m_s, hidden_s, is_steady, is_confident = (each.copy() for each in tracks)
+    positions_m, velocities_m_s, hidden_s, is_steady, is_confident = tracks.copy()
     points = np.flatnonzero(labels >= 0)
     markers, located_m = labels[points], points_m[points]
     since_s = hidden_s + elapsed_s
