@@ -13,6 +13,7 @@
 #include "slew.h"
 
 #include "locate.h"
+#include "noise.h"
 
 #include "estimate.h"
 #include "network.h"
