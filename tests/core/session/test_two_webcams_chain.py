@@ -9,6 +9,7 @@ from perfanim.core.body.skeleton import forward_kinematics
 from perfanim.core.cli.main import main
 from perfanim.core.formats.markers.marker_files import read_take
 from perfanim.core.formats.motion.read_motion import read_motion
+from perfanim.core.formats.take_file.take_reader import read_take_file
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.geometry.rig_file import load_rig
 from perfanim.core.markers.subject import load_subject
@@ -146,3 +147,19 @@ def check_legs(motion):
     assert forward[:, 2].min() > 0.5  # faces the cameras all the time, as in the pictures
     steps = np.linalg.norm(np.diff(positions, axis=0), axis=2)
     assert steps.max() < 0.25  # no flips
+
+
+@pytest.mark.long
+def test_a_set_with_fewer_markers_than_the_pictures_show_is_doubted(folder, shared_dir, capsys):
+    points = shared_dir / "two-webcams" / "stereo_calibration.json"
+    verdicts = {}
+    for marker_set in ("boxing", MARKERS):
+        told = run(
+            capsys, "take", "import", folder / "1", folder / "2", "--cameras", points, "--marker-set", marker_set,
+            "--out", folder / marker_set,
+        )  # fmt: skip
+        (row,) = told["takes"]
+        verdicts[marker_set] = row["verdict"]
+        assert read_take_file(row["out"]).notes.verdict == row["verdict"]
+    assert verdicts["boxing"].startswith("nearly every frame shows 12 markers, but 9 are worn")
+    assert verdicts[MARKERS] == "good"
