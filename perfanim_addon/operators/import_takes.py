@@ -46,7 +46,7 @@ class PERFANIM_OT_import_takes(FilesOperator, SolvingOperator, bpy.types.Operato
 
     bl_label = "Import Motion"  # beside Blender's own entry if films or pictures are dropped
     title = "Importing takes"
-    panel = takes_panel.KEY
+    panel = takes_panel.IMPORT_KEY
     filter_glob: bpy.props.StringProperty(default=";".join(f"*{ending}" for ending in _ENDINGS), options={"HIDDEN"})
     body: choice("Body", "Performer and markers of the takes", _BODIES, "AUTO")
     put_on: switch("Put on Character", "Put a single imported take onto the character", default=True)
@@ -117,7 +117,7 @@ class PERFANIM_OT_import_takes(FilesOperator, SolvingOperator, bpy.types.Operato
         texts += [_floor_text(take["camera_heights_mm"]) for take in kept if "camera_heights_mm" in take]
         if self.put_on and len(kept) == 1 and kept[0].get("verdict"):
             text, self.about = _put_on_active(context, first)
-            texts.insert(1, text)
+            texts.insert(1 + len(verdicts), text)  # the verdict first: it judges the whole take
         return "; ".join(texts)
 
 

@@ -30,7 +30,7 @@ class PERFANIM_OT_calibrate_subject(JobOperator, bpy.types.Operator):
     bl_label = "Calibrate from Take"
     title = "Calibrating the performer"
     panel = PANEL
-    missing_input = need(lambda context: settings(context).subject_take, "Choose a marker take with a T pose")
+    missing_input = need(lambda context: settings(context).subject_take, "Choose a marker file with a T pose; for an imported take, use Refine Performer under Takes")
 
     def arguments(self, context: bpy.types.Context) -> list[str]:
         chosen = settings(context)

@@ -102,7 +102,7 @@ def test_a_single_take_is_put_on_the_active_character(
     chosen.armature = None
     bpy.context.view_layer.objects.active = hero.children[0]  # importers leave the mesh active
     text = imported(part, walk, "walk.c3d", put_on=True)
-    assert re.fullmatch(r"1 take imported; 20 frames in walk on Hero; good", text)
+    assert re.fullmatch(r"1 take imported; good; 20 frames in walk on Hero", text)
     assert chosen.armature == hero
     assert hero.animation_data.action.name == "walk"
 
