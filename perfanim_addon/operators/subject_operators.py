@@ -25,12 +25,13 @@ PANEL = "subject"
 
 
 class PERFANIM_OT_calibrate_subject(JobOperator, bpy.types.Operator):
-    """Measure bone lengths and marker positions from a take of the calibration poses"""
+    """Measure bone lengths and marker positions from a take of the calibration poses.
+    For a take of other motion, use Refine Performer under Takes"""
 
     bl_label = "Calibrate from Take"
     title = "Calibrating the performer"
     panel = PANEL
-    missing_input = need(lambda context: settings(context).subject_take, "Choose a marker file with a T pose; for an imported take, use Refine Performer under Takes")
+    missing_input = need(lambda context: settings(context).subject_take, "Choose a marker take with a T pose")
 
     def arguments(self, context: bpy.types.Context) -> list[str]:
         chosen = settings(context)
