@@ -122,6 +122,14 @@ def test_a_single_key_gives_a_pose(solver, database):
     assert_sound(solution, database)
 
 
+def test_keys_in_a_single_frame_give_a_pose_that_stands(truth, solver, database):
+    keyed = sketch_of(sliced(truth, 20, 21), ("root", "lfoot", "rfoot"), "1")
+    solution = solver.solve(keyed)
+    assert solution.motion.frames == 1
+    assert solution.unmet == ()
+    assert_sound(solution, database)
+
+
 def test_follow_leads_from_the_databases_motion_to_the_curve(truth, solver, walk):
     hand = truth.skeleton.index("rhand")
     control = next(control for control in walk.controls if control.joint == "rhand")
