@@ -43,7 +43,8 @@ def test_passages_with_a_short_pause_are_one_and_short_ones_are_counted() -> Non
 
 def test_a_reason_that_all_passages_have_is_told_once() -> None:
     text = told(take(unsure(range(10, 20)) | unsure(range(60, 80))))
-    assert text == "right hand, frames 11 to 20; right hand, frames 61 to 80 (each: its marker is hidden from both cameras)"
+    reason = "each: its marker is hidden from both cameras"
+    assert text == f"right hand, frames 11 to 20; right hand, frames 61 to 80 ({reason})"
 
 
 def test_the_longest_passages_are_listed_in_order_of_time() -> None:
