@@ -7,11 +7,13 @@ limited: they show another person, or the same one after a gap.
 """
 
 from collections import deque
+from typing import NamedTuple
 
 import numpy as np
 
 from ..geometry import rotations as rot
 from ..geometry.arrays import Array, IntArray, Mask
+from ..kernel.library import address, checked, contiguous, function, stage
 from .clock import PAUSE_S
 from .skeleton import Skeleton
 
@@ -33,6 +35,22 @@ _CUT_SHARE_FOUND = 0.6  # this share if the session found the labels, because so
 _EXCHANGED_M = 0.05  # distance per frame from another marker's recent position up to which labels were exchanged
 
 
+class PosesBefore(NamedTuple):
+    """Earlier poses of J joints."""
+
+    solved: Array  # (J, 4) the last solved rotations
+    shown: Array  # (J, 4) the last limited rotations
+    turns: Array  # (T, J, 3) turns per frame of earlier solved poses; not used until there are enough
+
+
+class TurnLimits(NamedTuple):
+    """How much J joints may turn, from what M markers show."""
+
+    usual_rad: Array  # (J,) rotations per frame that no marker needs to show
+    shares: Array  # (M, J) shares of a marker's movement by which joints may turn
+    ways_m: Array  # (M,) movements of the markers per frame
+
+
 class PoseSlewLimit:
     """Limits the rotation rates of joints in successive poses, except the root's.
 
@@ -48,6 +66,7 @@ class PoseSlewLimit:
         levers_m = np.linalg.norm((rest_m[carriers] + offsets_m)[:, None] - rest_m, axis=-1)
         # a marker close to a joint is moved mostly by the joints above
         self._shares = below * np.minimum(levers_m / _LEVER_M, 1.0) ** 2
+        self._before: PosesBefore  # the last poses, once there is one
         self.reset()
 
     def reset(self) -> None:
@@ -78,21 +97,23 @@ class PoseSlewLimit:
             self._ways_m = np.zeros(len(points_m))
             self._seen_s = np.full(len(points_m), time_s)
             self._seen, self._changed = seen, np.zeros(len(points_m), dtype=np.bool_)
-            self._turns = deque[Array](maxlen=1 + _GATHERED_FRAMES)
-            self._shown, self._trail = rotations, deque[tuple[float, Array]]()
-            self._new = _NEW_FRAMES
+            self._trail, self._new = deque[tuple[float, Array]](), _NEW_FRAMES
+            shown, turns = rotations, np.empty((0, len(rotations), 3))
         else:
             self._changed, changed = seen != self._seen, self._changed
             self._seen = seen
-            limited = self._limited(frames, rotations, in_root_m, self._changed | changed, held)
-            self._shown = limited if self._new == 0 else rotations
-            self._new = max(self._new - 1, 0)
-        self._time_s, self._raw, self._in_root_m = time_s, rotations, in_root_m
+            usual_rad, self._ways_m = self._usual_rad(self._changed | changed), self._moved_m(frames, in_root_m)
+            limits = TurnLimits(usual_rad, self._shares, self._ways_m)
+            limited, turned = limited_turns(frames, rotations, self._before, limits, held)
+            shown, turns = limited, np.concatenate((self._before.turns[1 - _GATHERED_FRAMES :], turned[None]))
+            if self._new > 0:
+                shown, self._new = rotations, self._new - 1
+        self._time_s, self._before, self._in_root_m = time_s, PosesBefore(rotations, shown, turns), in_root_m
         self._seen_s[seen] = time_s
         self._trail.append((time_s, points_m))
         while time_s - self._trail[0][0] > PAUSE_S:
             self._trail.popleft()
-        return self._shown
+        return shown
 
     def _is_cut(self, time_s: float, points_m: Array, share: float) -> bool:
         """Return whether many markers are far from all their recent positions."""
@@ -107,40 +128,64 @@ class PoseSlewLimit:
         moved = np.sum(np.fmin.reduce(others_m, axis=1, initial=np.inf) > _EXCHANGED_M * frames[far])
         return bool(moved >= max(_CUT_MARKERS, share * np.isfinite(points_m[:, 0]).sum()))
 
-    def _limited(self, frames: float, rotations: Array, in_root_m: Array, changed: Mask, held: bool) -> Array:
-        """Return the rotations (J, 4), limited relative to the last pose shown.
+    def _usual_rad(self, changed: Mask) -> Array:
+        """Return the rotations per frame (J,) that no marker needs to show.
 
         Args:
-            frames: Time since the last pose in 60ths of a second.
             changed: Markers (M,) that appeared or disappeared in this frame or the last.
         """
-        raw, turn = _turn(np.array((self._raw, self._shown)), rotations)
-        self._turns.append(raw / frames)
-        angle = np.maximum(rot.lengths(turn), 1e-12)
-        limit = self._limits(frames, in_root_m, changed, turn / angle[:, None])
-        share = np.zeros(len(turn)) if held else limit * frames / angle
-        share[0] = 1.0
-        late = share < 1.0
-        if not late.any():
-            return rotations
-        limited = rotations.copy()
-        limited[late] = rot.multiply(self._shown[late], rot.from_rotation_vector(share[late, None] * turn[late]))
-        return limited
-
-    def _limits(self, frames: float, in_root_m: Array, changed: Mask, directions: Array) -> Array:
-        """Return the angles (J,) by which joints may turn per frame about given axes (J, 3)."""
-        usual_rad = np.full(len(directions), _USUAL_RAD)
+        usual_rad = np.full(self._shares.shape[1], _USUAL_RAD)
         if changed.any():
             usual_rad[self._limbs[changed].any(axis=0)] = _AT_CHANGE_RAD
+        return usual_rad
+
+    def _moved_m(self, frames: float, in_root_m: Array) -> Array:
+        """Return the movements (M,) of the markers per frame, those of hidden ones fading, 0 for what is too fast."""
         ways_m = rot.lengths(in_root_m - self._in_root_m) / frames
         ways_m = np.where(np.isfinite(ways_m), ways_m, _FADING * self._ways_m)
         ways_m[ways_m > _FASTEST_M] = 0.0
-        self._ways_m = ways_m
-        if len(self._turns) <= _GATHERED_FRAMES:
-            return usual_rad
-        gathered = np.add.reduce(np.array(self._turns) * directions, axis=-1) + frames * _GAINS_RAD
-        explained = np.maximum.reduce(self._shares * ways_m[:, None]) / _LEVER_M
-        return np.asarray(np.maximum(usual_rad, np.minimum(np.minimum.reduce(gathered), explained)))
+        return ways_m
+
+
+_LIMITED = function("limited_turns", "nnndddnppppppppp")
+
+
+def _compiled(
+    frames: float, rotations: Array, before: PosesBefore, limits: TurnLimits, held: bool
+) -> tuple[Array, Array]:
+    joints, limited, turned = len(rotations), np.empty(rotations.shape), np.empty((len(rotations), 3))
+    count = _GATHERED_FRAMES if len(before.turns) == _GATHERED_FRAMES else 0
+    numbers = joints, len(limits.ways_m), count, frames, _GATHERED_RAD, _LEVER_M, held
+    given = map(contiguous, (rotations, *before, *limits))
+    checked(_LIMITED(*numbers, *given, address(limited), address(turned)))
+    return limited, turned
+
+
+@stage(_compiled)
+def limited_turns(
+    frames: float, rotations: Array, before: PosesBefore, limits: TurnLimits, held: bool
+) -> tuple[Array, Array]:
+    """Return limited rotations (J, 4), and the turns (J, 3) per frame from the last solved ones.
+
+    Args:
+        frames: Time since the last pose in 60ths of a second.
+        rotations: Solved rotations (J, 4); the root's is returned as it is.
+        held: Keep the joints at their current rotations.
+    """
+    solved, turn = _turn(np.array(before[:2]), rotations)
+    turned = solved / frames
+    angle = np.maximum(rot.lengths(turn), 1e-12)
+    limit = limits.usual_rad
+    if len(before.turns) == _GATHERED_FRAMES:
+        along = np.add.reduce(np.concatenate((before.turns, turned[None])) * turn, axis=-1) / angle
+        explained = np.maximum.reduce(limits.shares * limits.ways_m[:, None]) / _LEVER_M
+        limit = np.maximum(limit, np.minimum(np.minimum.reduce(along + frames * _GAINS_RAD), explained))
+    share = np.zeros(len(turn)) if held else limit * frames / angle
+    share[0] = 1.0
+    late = share < 1.0
+    limited = rotations.copy()
+    limited[late] = rot.multiply(before.shown[late], rot.from_rotation_vector(share[late, None] * turn[late]))
+    return limited, turned
 
 
 def _turn(start: Array, end: Array) -> Array:

@@ -6,7 +6,21 @@ from numpy.typing import ArrayLike
 from ..kernel.library import address, checked, contiguous, function, stage
 from .arrays import Array, IntArray
 
+_ASSIGN = function("assign", "nndppppp")
 
+
+def _compiled(costs: ArrayLike, gate: float = 1.0) -> tuple[IntArray, IntArray]:
+    table = np.asarray(costs, dtype=np.float64)
+    rows, columns = table.shape
+    pairs, count = np.empty((2, min(rows, columns)), dtype=np.int64), np.empty(1, dtype=np.int64)
+    indices, values = np.empty(4 * (rows + columns), dtype=np.int64), np.empty(rows * columns + 2 * (rows + columns))
+    work = address(indices), address(values)
+    checked(_ASSIGN(rows, columns, gate, contiguous(table), *work, address(pairs), address(count)))
+    found, among = pairs[:, : count[0]]
+    return found, among
+
+
+@stage(_compiled)
 def assign(costs: ArrayLike, gate: float = 1.0) -> tuple[IntArray, IntArray]:
     """Return rows (K,) and columns (K,) of the cheapest one-to-one assignment.
 
@@ -15,6 +29,9 @@ def assign(costs: ArrayLike, gate: float = 1.0) -> tuple[IntArray, IntArray]:
     Args:
         costs: Costs (N, M), infinite where a pair is forbidden.
         gate: Positive limit of all costs; if limits differ between pairs, divide each cost by its limit first.
+
+    Raises:
+        LinAlgError: A cost is infinitely low, or sums of costs are.
     """
     table = np.asarray(costs, dtype=np.float64)
     allowed = table < gate
@@ -22,37 +39,22 @@ def assign(costs: ArrayLike, gate: float = 1.0) -> tuple[IntArray, IntArray]:
     # what is forbidden costs as much as no pair at all
     kept = np.where(allowed, table, gate)[np.ix_(rows, columns)]
     if len(rows) <= len(columns):
-        columns = columns[cheapest_columns(kept)]
+        columns = columns[_cheapest_columns(kept)]
     else:
-        rows = rows[cheapest_columns(kept.T)]
+        rows = rows[_cheapest_columns(kept.T)]
         order = np.argsort(rows)
         rows, columns = rows[order], columns[order]
     inside = allowed[rows, columns]
     return rows[inside], columns[inside]
 
 
-_CHEAPEST = function("cheapest_columns", "nnpppp")
-
-
-def _compiled(costs: Array) -> IntArray:
-    rows, columns = costs.shape
-    found, path, prices = (
-        np.empty(rows, dtype=np.int64),
-        np.empty(rows + 3 * columns, dtype=np.int64),
-        rows + 2 * columns,
-    )
-    checked(_CHEAPEST(rows, columns, contiguous(costs), address(path), address(np.empty(prices)), address(found)))
-    return found
-
-
-@stage(_compiled)
-def cheapest_columns(costs: Array) -> IntArray:
+def _cheapest_columns(costs: Array) -> IntArray:
     """Return a different column (N,) for each row of costs (N, M), N <= M, with the smallest sum.
 
     Shortest augmenting paths (Crouse 2016), unless each row can have its cheapest column.
 
     Raises:
-        LinAlgError: A cost is not finite.
+        LinAlgError: A cost is not finite, or sums of costs are not.
     """
     if not np.isfinite(costs).all():
         raise np.linalg.LinAlgError("a cost is not finite")

@@ -15,6 +15,7 @@ from ..geometry.camera import Camera
 from ..geometry.gated_assignment import assign
 from ..geometry.triangulation import triangulate
 from ..markers.marker_frame import MarkerFrame, undistort_blobs
+from .marker_tracks import SETTINGS, Tracks, expected_markers, located_tracks
 
 
 @dataclass(frozen=True)
@@ -26,35 +27,14 @@ class LabellerSettings:
     matches between two cameras do not last.
     """
 
-    gate_m: float = 0.08  # gate of a marker at rest
-    gate_speed_share: float = 0.6  # growth of the gate, as a share of the predicted movement
-    gate_unknown_m_s: float = 6.0  # growth of the gate per second for a marker with unknown velocity
-    gate_hidden_m_s: float = 2.0  # growth of the gate per second that the marker has been hidden
-    limb_gate_m: float = 0.35  # largest gate of a marker on a limb
-    torso_gate_m: float = 0.12  # largest gate of a marker on the torso
     lone_reach_m: float = 1.0  # distance within which a hidden marker takes a point that only it can have
     lone_frames: int = 3  # number of frames for which such a point must have stayed in place
     lone_move_m: float = 0.1  # largest movement in one frame of a point that stays in place
     pixel_sigma: float = 0.5  # standard deviation of blob centres
     meeting_px: float = 3.0  # reprojection error above which rays are not of the same marker
-    memory_s: float = 0.1  # longest time for which a marker's last velocity is used
-    steady_m: float = 0.06  # largest distance from the extrapolated position of a marker that is tracked confidently
 
 
 _S = LabellerSettings()
-
-
-@dataclass
-class _Tracks:
-    """State of M markers when they were last located."""
-
-    positions_m: Array  # (M, 3)
-    velocities_m_s: Array  # (M, 3), NaN where unknown
-    hidden_s: Array  # (M,) time for which the marker has been hidden
-    is_steady: Mask  # (M,) the marker was close to its extrapolated position
-    is_confident: Mask  # (M,) tracked confidently since the last `Labeller.confirm`
-    lone_m: Array  # (M, 3) unlabelled points that only this marker can have, NaN if none
-    lone_frames: IntArray  # (M,) number of frames for which this point has stayed in place
 
 
 @dataclass(frozen=True)
@@ -82,16 +62,9 @@ class Labeller:
 
     def __init__(self, torso: Mask) -> None:
         self._torso, count = np.asarray(torso), len(torso)
-        unknown, never = np.full((count, 3), np.nan), np.zeros(count, dtype=bool)
-        self._tracks = _Tracks(
-            positions_m=unknown,
-            velocities_m_s=unknown.copy(),
-            hidden_s=np.full(count, np.inf),
-            is_steady=never,
-            is_confident=never.copy(),
-            lone_m=unknown.copy(),
-            lone_frames=np.zeros(count, dtype=np.int64),
-        )
+        self._tracks = Tracks.unknown(count)
+        # unlabelled points (M, 3) that only this marker can have, NaN if none, and for how many frames they have stayed
+        self._lone_m, self._lone_frames = np.full((count, 3), np.nan), np.zeros(count, dtype=np.int64)
 
     def begin(self, points_m: Array, labels: IntArray, is_confident: Mask | None = None) -> None:
         """Start from labels (N,) of points (N, 3).
@@ -99,8 +72,8 @@ class Labeller:
         Args:
             is_confident: Markers (M,) that are assumed to be tracked confidently; none by default.
         """
-        self._update(points_m, labels, 0.0)
-        self._tracks.is_confident = np.zeros_like(self._torso) if is_confident is None else is_confident.copy()
+        confident = np.zeros_like(self._torso) if is_confident is None else is_confident.copy()
+        self._tracks = located_tracks(self._tracks, points_m, labels, 0.0)._replace(is_confident=confident)
 
     @property
     def is_confident(self) -> Mask:
@@ -109,7 +82,8 @@ class Labeller:
 
     def confirm(self, markers: Mask) -> None:
         """Treat the last frame's labels of these markers (M,) as certain."""
-        self._tracks.is_confident |= markers & (self._tracks.hidden_s == 0.0)
+        certain = self._tracks.is_confident | (markers & (self._tracks.hidden_s == 0.0))
+        self._tracks = self._tracks._replace(is_confident=certain)
 
     def label(self, points_m: Array, covariances_m2: Array, predicted_m: Array, elapsed_s: float) -> IntArray:
         """Return labels (N,) from a single assignment of points to the predicted markers.
@@ -127,7 +101,7 @@ class Labeller:
         labels[rows] = columns
         rows, columns = self._lone_points(points_m, np.flatnonzero(labels < 0), expected, columns)
         labels[rows] = columns
-        self._update(points_m, labels, elapsed_s)
+        self._tracks = located_tracks(self._tracks, points_m, labels, elapsed_s)
         return labels
 
     def follow(self, points_m: Array, elapsed_s: float) -> IntArray:
@@ -137,7 +111,7 @@ class Labeller:
         rows, columns = assign_points(points_m, np.zeros((len(points_m), 3, 3)), expected[known], gates[known])
         labels = np.full(len(points_m), -1, dtype=np.int64)
         labels[rows] = known[columns]
-        self._update(points_m, labels, elapsed_s)
+        self._tracks = located_tracks(self._tracks, points_m, labels, elapsed_s)
         return labels
 
     def label_blobs(
@@ -168,7 +142,8 @@ class Labeller:
             markers, same = np.nonzero(np.all(blobs[:, None] == frame.point_blobs[None], axis=2))
             known[markers] = frame.points_m[same]
         points = _join_cameras(cameras, blobs, normalised, distances, expected, gates, known)
-        self._update(points, np.where(np.isfinite(points[:, 0]), np.arange(count), -1), elapsed_s)
+        labels = np.where(np.isfinite(points[:, 0]), np.arange(count), -1)
+        self._tracks = located_tracks(self._tracks, points, labels, elapsed_s)
         return LabelledBlobs(blobs, normalised, points)
 
     def _take_lone_points(self, frame: MarkerFrame, blobs: IntArray, expected_m: Array) -> IntArray:
@@ -192,71 +167,27 @@ class Labeller:
             expected_m: Expected markers (M, 3).
             labelled: Indices of the markers that have a point.
         """
-        tracks, is_free = self._tracks, ~self._torso
+        is_free, hidden_s = ~self._torso, self._tracks.hidden_s
         is_free[labelled] = False
         free = np.flatnonzero(is_free)
         if len(points) == 0 or len(free) == 0:
-            tracks.lone_frames[:] = 0
+            self._lone_frames[:] = 0
             return points[:0], free[:0]
         near = np.linalg.norm(points_m[points][:, None] - expected_m[free], axis=-1) < _S.lone_reach_m
         near &= near.sum(axis=0) == 1
         rows, columns = np.nonzero(near & (near.sum(axis=1, keepdims=True) == 1))
-        hidden = (tracks.hidden_s[free[columns]] >= _S.memory_s) | (tracks.lone_frames[free[columns]] > 0)
+        hidden = (hidden_s[free[columns]] >= SETTINGS.memory_s) | (self._lone_frames[free[columns]] > 0)
         points, markers = points[rows[hidden]], free[columns[hidden]]
-        stays = np.linalg.norm(points_m[points] - tracks.lone_m[markers], axis=-1) < _S.lone_move_m
-        frames = np.where(stays, tracks.lone_frames[markers] + 1, 1)
-        tracks.lone_m[:], tracks.lone_frames[:] = np.nan, 0
-        tracks.lone_m[markers], tracks.lone_frames[markers] = points_m[points], frames
+        stays = np.linalg.norm(points_m[points] - self._lone_m[markers], axis=-1) < _S.lone_move_m
+        frames = np.where(stays, self._lone_frames[markers] + 1, 1)
+        self._lone_m[:], self._lone_frames[:] = np.nan, 0
+        self._lone_m[markers], self._lone_frames[markers] = points_m[points], frames
         stayed = frames > _S.lone_frames
         return points[stayed], markers[stayed]
 
     def expected(self, predicted_m: Array, elapsed_s: float) -> tuple[Array, Array]:
-        """Return the expected markers (M, 3) and their gates (M,), metres; arguments as in `label`.
-
-        A marker that is hidden only briefly is extrapolated, because the pose may drift away from it at once.
-        """
-        tracks = self._tracks
-        is_known = np.isfinite(tracks.velocities_m_s[:, 0])
-        fresh = is_known & (tracks.hidden_s < _S.memory_s)
-        movement = np.where(fresh[:, None], tracks.velocities_m_s * elapsed_s, 0.0)
-        hidden_s = np.where(np.isfinite(tracks.hidden_s), tracks.hidden_s, 1.0)
-        gates = _S.gate_m + _S.gate_speed_share * np.linalg.norm(movement, axis=1) + _S.gate_hidden_m_s * hidden_s
-        gates += np.where(is_known, 0.0, _S.gate_unknown_m_s * elapsed_s)
-        hidden_briefly = fresh & (tracks.hidden_s > 0.0) & tracks.is_steady
-        extrapolated = tracks.positions_m + tracks.velocities_m_s * tracks.hidden_s[:, None]
-        predicted_m = np.where(hidden_briefly[:, None], extrapolated, predicted_m)
-        return predicted_m + movement, np.minimum(gates, np.where(self._torso, _S.torso_gate_m, _S.limb_gate_m))
-
-    def _update(self, points_m: Array, labels: IntArray, elapsed_s: float) -> None:
-        tracks = self._tracks
-        markers, points = labels[labels >= 0], points_m[labels >= 0]
-        self._update_confidence(points_m, labels, elapsed_s)
-        if elapsed_s > 0.0:
-            known = tracks.hidden_s[markers] < _S.memory_s
-            velocity = (points - tracks.positions_m[markers]) / (elapsed_s + tracks.hidden_s[markers][:, None])
-            tracks.velocities_m_s[markers] = np.where(known[:, None], velocity, np.nan)
-        tracks.hidden_s += elapsed_s
-        tracks.hidden_s[markers] = 0.0
-        tracks.positions_m[markers] = points
-
-    def _update_confidence(self, points_m: Array, labels: IntArray, elapsed_s: float) -> None:
-        """Withdraw the confidence in markers that jumped, came close to others or were hidden."""
-        tracks, points = self._tracks, np.flatnonzero(labels >= 0)
-        markers = labels[points]
-        hidden_s = tracks.hidden_s + elapsed_s
-        moving_s = np.where(hidden_s < _S.memory_s, hidden_s, 0.0)
-        expected = tracks.positions_m + np.nan_to_num(tracks.velocities_m_s) * moving_s[:, None]
-        away = np.linalg.norm(points_m[:, None] - expected[None], axis=-1)
-        away[np.isnan(away)] = np.inf
-        own = away[points, markers]
-        away[points, markers] = np.inf
-        others = np.minimum(away.min(axis=1, initial=np.inf)[points], away.min(axis=0, initial=np.inf)[markers])
-        steady = own < _S.steady_m
-        tracks.is_steady[markers] = steady
-        tracks.is_confident[markers] &= steady & (others > own + _S.steady_m)
-        tracks.is_confident &= hidden_s < _S.memory_s
-        if 2 * np.sum(steady) <= len(steady):  # there is a cut, or the body was hidden
-            tracks.is_confident[:] = False
+        """Return the expected markers (M, 3) and their gates (M,), metres; see `expected_markers`."""
+        return expected_markers(self._tracks, self._torso, predicted_m, elapsed_s)
 
 
 def assign_points(

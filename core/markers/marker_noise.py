@@ -9,6 +9,7 @@ from collections import deque
 import numpy as np
 
 from ..geometry.arrays import Array
+from ..kernel.library import address, checked, contiguous, function, stage
 
 _POSITIONS = 5  # number of successive positions that are compared
 MEDIAN_LENGTH = 1.538  # median of the chi distribution with 3 degrees of freedom
@@ -38,47 +39,66 @@ class MarkerNoise:
         self._points_m.append(points_m)
         rows = self._differences.reshape(-1, len(points_m))
         if len(self._times_s) == _POSITIONS:
-            row = _differences(np.array(self._times_s), np.array(self._points_m))
+            row = differences(np.array(self._times_s), np.array(self._points_m))
             self._known_s.append(time_s)
             rows = np.concatenate((rows, row[None]))
         while self._known_s and not 0.0 <= time_s - self._known_s[0] <= _LATEST_S:
             self._known_s.popleft()
         self._differences = rows[len(rows) - len(self._known_s) :]
-        return _sigmas(self._differences)
+        return noise(self._differences)
 
 
 def marker_noise(times_s: Array, points_m: Array) -> Array:
     """Return the standard deviation (M,) of the coordinates of a take's markers (F, M, 3) at ascending times (F,)."""
     starts = range(len(times_s) - _POSITIONS + 1)
-    rows = [_differences(times_s[i : i + _POSITIONS], points_m[i : i + _POSITIONS]) for i in starts]
-    return _sigmas(np.array(rows).reshape(-1, points_m.shape[1]))
+    rows = [differences(times_s[i : i + _POSITIONS], points_m[i : i + _POSITIONS]) for i in starts]
+    return noise(np.array(rows).reshape(-1, points_m.shape[1]))
 
 
-def _differences(times_s: Array, points_m: Array) -> Array:
+_DIFFERENCES, _NOISE = function("differences", "nnppp"), function("noise", "nnndppp")
+
+
+def _compiled_differences(times_s: Array, points_m: Array) -> Array:
+    found = np.empty(points_m.shape[1])
+    given = contiguous(times_s), contiguous(points_m)
+    checked(_DIFFERENCES(*points_m.shape[:2], *given, address(found)))
+    return found
+
+
+@stage(_compiled_differences)
+def differences(times_s: Array, points_m: Array) -> Array:
     """Return distances (M,) of markers from a cubic, scaled to have the variance of a single position.
 
     They are Newton's divided differences, with the weights normalised so that independent noise keeps its variance.
+
+    Args:
+        times_s: Times (5,) of successive positions.
+        points_m: Positions (5, M, 3), NaN where unknown.
     """
     apart = times_s[:, None] - times_s
     apart.flat[:: len(apart) + 1] = 1.0
     weights = 1.0 / np.multiply.reduce(apart, axis=1)
     weights /= np.sqrt(weights @ weights)
-    differences = (weights @ points_m.reshape(len(weights), -1)).reshape(points_m.shape[1:])
-    return np.asarray(np.sqrt(np.add.reduce(differences * differences, axis=-1)))
+    found = (weights @ points_m.reshape(len(weights), -1)).reshape(points_m.shape[1:])
+    return np.asarray(np.sqrt(np.add.reduce(found * found, axis=-1)))
 
 
-def _sigmas(differences: Array) -> Array:
-    """Return standard deviations (M,) of coordinates from differences (N, M), NaN where unknown."""
-    ordered = np.sort(differences.T)  # NaNs come last
-    frames = len(differences)
-    if frames >= FEWEST and not np.isnan(ordered[:, -1]).any():
-        return np.asarray(0.5 * (ordered[:, (frames - 1) // 2] + ordered[:, frames // 2]) / MEDIAN_LENGTH)
-    counts = np.isfinite(differences).sum(axis=0)
+def _compiled_noise(differences_m: Array) -> Array:
+    rows, count = differences_m.shape
+    sigmas, work = np.empty(count), np.empty(((rows + 1) * count, 2))
+    checked(_NOISE(rows, count, FEWEST, MEDIAN_LENGTH, contiguous(differences_m), address(work), address(sigmas)))
+    return sigmas
+
+
+@stage(_compiled_noise)
+def noise(differences_m: Array) -> Array:
+    """Return standard deviations (M,) of coordinates, metres, from differences (N, M), NaN where unknown."""
+    known_m = np.where(np.isfinite(differences_m), differences_m, np.nan)
+    counts = np.isfinite(known_m).sum(axis=0)
     known = counts >= FEWEST
     if not known.any():  # soon after the start, there is one estimate for all markers
-        return np.full(len(counts), np.nanmedian(differences) / MEDIAN_LENGTH if counts.sum() >= FEWEST else 0.0)
-    middle = np.maximum(counts - 1, 0)
-    each = np.arange(len(counts))
-    low, high = (ordered[each, index] for index in (middle // 2, (middle + 1) // 2))
-    sigmas = 0.5 * (low + high) / MEDIAN_LENGTH
+        return np.full(len(counts), np.nanmedian(known_m) / MEDIAN_LENGTH if counts.sum() >= FEWEST else 0.0)
+    ordered = np.sort(known_m, axis=0)  # NaNs come last
+    middle, each = np.maximum(counts - 1, 0), np.arange(len(counts))
+    sigmas = 0.5 * (ordered[middle // 2, each] + ordered[(middle + 1) // 2, each]) / MEDIAN_LENGTH
     return np.where(known, sigmas, np.median(sigmas[known]))

@@ -10,7 +10,7 @@ from ..geometry.arrays import Array, IntArray, Mask
 from ..geometry.camera import Camera
 from ..markers.source_noise import SourceNoise
 
-_AXES = np.eye(3)
+_AXES, _ACROSS = np.eye(3), np.array([True, True, False])  # the first two axes are across a ray
 _KEPT_GUESS = 0.3  # share of a guessed depth that is kept where the last pose shows the depth as well
 
 
@@ -94,28 +94,22 @@ class Observation:
 
     @cached_property
     def controls(self) -> "Controls":
-        """Rows that a fit brings to zero, three for each located marker, then two for each on a ray."""
+        """Rows that a fit brings to zero, three for each located marker, two for each on a ray."""
         located, single = self.located, self.single
         noise_m = np.zeros((len(located), 3)) if self.noise_m is None else self.noise_m
-        markers = np.flatnonzero(located).repeat(3), np.flatnonzero(single).repeat(2)
-        axes = np.broadcast_to(_AXES, (len(located), 3, 3)).copy()
-        origins_m = self.points_m.copy()
-        for marker in np.flatnonzero(self.guessed):  # two axes across its ray, and its depth
+        axes, origins_m = np.tile(_AXES, (len(located), 1, 1)), self.points_m.copy()
+        for marker in np.flatnonzero(self.cameras >= 0):  # two axes across its ray, and the depth if it was guessed
             camera = self.rig[self.cameras[marker]]
-            x, y, z = camera.to_camera(self.points_m[marker])
-            axes[marker, :2, 2] = -x / z, -y / z
+            if single[marker]:
+                axes[marker, :2, 2] = -self.image_points[marker]
+                origins_m[marker] = camera.centre_m
+            else:
+                x, y, z = camera.to_camera(self.points_m[marker])
+                axes[marker, :2, 2] = -x / z, -y / z
             axes[marker] = axes[marker] @ camera.rotation
-        for marker in np.flatnonzero(single):
-            camera = self.rig[self.cameras[marker]]
-            axes[marker, :2, 2] = -self.image_points[marker]
-            axes[marker] = axes[marker] @ camera.rotation
-            origins_m[marker] = camera.centre_m
-        return Controls(
-            np.concatenate(markers),
-            np.concatenate((axes[located].reshape(-1, 3), axes[single, :2].reshape(-1, 3))),
-            origins_m.take(np.concatenate(markers), axis=0),
-            np.concatenate((noise_m[located].ravel(), noise_m[single, :2].ravel())),
-        )
+        rows = np.flatnonzero(located[:, None] | (single[:, None] & _ACROSS))
+        markers = rows // 3
+        return Controls(markers, axes.reshape(-1, 3)[rows], origins_m[markers], noise_m.ravel()[rows])
 
 
 class Controls(NamedTuple):

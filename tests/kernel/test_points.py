@@ -1,4 +1,4 @@
-"""The filter of points by the kernel is NumPy's."""
+"""The filter of points, and their noise, by the kernel are NumPy's."""
 
 from typing import Any
 
@@ -7,6 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from perfanim.core.geometry.multiple_model_filter import MotionModels, MultipleModelFilter, corrected, predicted
 from perfanim.core.kernel.library import use_kernel
+from perfanim.core.markers.marker_noise import differences, noise
 from two_bodies import assert_same, spoiled
 
 KIND = MotionModels((0.01e-3, 0.1e-3, 1e-3), least_sigma=0.2e-3, jump=0.05, first_speed=2.0, first_acceleration=20.0)
@@ -56,6 +57,26 @@ def test_any_correction(seed: int, count: int, near: float, special: float | Non
     for index in (0, 1, 3, 4):
         changed = [spoiled(each, special, place) if n == index else each for n, each in enumerate(given)]
         assert_same(corrected, *changed, KIND)
+
+
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    frames=st.sampled_from([0, 1, 3, 9, 10, 60, 241]),
+    markers=st.sampled_from([0, 1, 9, 60]),
+    hidden=st.sampled_from([0.0, 0.3, 0.97]),
+    special=st.sampled_from(SPECIAL),
+    place=st.integers(0, 2000),
+)
+def test_any_noise(seed: int, frames: int, markers: int, hidden: float, special: float | None, place: int) -> None:
+    generator = np.random.default_rng(seed)
+    rows = np.abs(generator.normal(size=(frames, markers)))
+    rows[generator.random((frames, markers)) < hidden] = np.nan
+    if frames > 1:
+        rows[: frames // 2] = np.round(rows[: frames // 2], 1)  # ties
+    assert_same(noise, spoiled(rows, special, place))
+    times_s, points_m = np.cumsum(generator.uniform(0.002, 0.1, 5)), generator.normal(size=(5, markers, 3))
+    assert_same(differences, times_s, spoiled(points_m, special, place))
+    assert_same(differences, spoiled(times_s, special, place), points_m)
 
 
 def test_whole_runs_are_the_same() -> None:

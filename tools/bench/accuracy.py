@@ -113,7 +113,7 @@ def accuracy(run: Run, baseline: Path | None = None, quick: bool = False) -> dic
     Args:
         baseline: Folder of another version, which solves the same takes with its own databases of the same motion and
             the same learned priors.
-        quick: Compare fewer methods, solve fewer frames, and disturb markers in only three ways with one seed.
+        quick: Compare fewer methods, solve fewer frames, and disturb markers in fewer ways with one seed.
 
     Returns:
         rows (condition, take, method, frames, errors, held feet, share of the nearest neighbour's error), means (the

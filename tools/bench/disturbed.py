@@ -9,11 +9,13 @@ from perfanim.core.body.motion import Motion, resampled, sliced
 from perfanim.core.body.motion_metrics import evaluate
 from perfanim.core.database.store import Database
 from perfanim.core.geometry.camera import CameraRig
-from perfanim.core.markers.marker_set import PointKind
+from perfanim.core.markers.marker_set import PointKind, load_marker_set
 from perfanim.core.markers.marker_take import MarkerTake, SingleViews
+from perfanim.core.markers.subject import Subject
 from perfanim.core.simulate.simulated_keypoints import KeypointErrors, keypoint_errors
 from perfanim.core.simulate.simulated_markers import simulate_markers
 from perfanim.core.simulate.studio.studio_rig import default_rig
+from perfanim.core.solver.marker_selection import choose_markers, with_markers
 from perfanim.core.solver.settings import SolveSettings
 
 from .run import Rows
@@ -32,15 +34,23 @@ _FARTHER, _PIXELS = 2.0, 0.2  # for one-camera views: factor on the studio's dis
 _WILD_M = 0.05, 0.17  # distances of wild points
 _GAP_FRAMES, _GAP_SHARES = (1, 2, 3, 5), (0.8, 0.1, 0.05, 0.05)  # lengths of gaps of markers that flicker
 _HIDDEN, _HIDDEN_S = "LHAN", (1.0, 1.5)  # the marker that is hidden, and when
+_SUIT, _WORN = "cmu-41", 9  # marker set of a suit, and the number of its markers that are worn
 _KEYPOINTS = KeypointErrors(slow_m=0.03)
 _EXCHANGED, _EXCHANGED_FRAMES = (("LHAN", "RHAN"), ("LFOO", "RFOO")), (5, 15)  # keypoints that change sides, how long
 
 
-def disturbed_take(disturbance: Disturbance, truth: Motion, seed: int) -> tuple[MarkerTake, Motion]:
-    """Return the disturbed markers of a motion, and the motion at their rate."""
+def disturbed_take(
+    disturbance: Disturbance, truth: Motion, seed: int, subject: Subject | None = None
+) -> tuple[MarkerTake, Motion]:
+    """Return the disturbed markers of a motion, and the motion at their rate.
+
+    Args:
+        subject: Whose markers they are; by default the benchmarks' on the true body.
+    """
     if disturbance.fps:
         truth = resampled(truth, disturbance.fps)
-    take, _ = simulate_markers(truth, true_subject(truth), disturbance.noise_mm, disturbance.dropout, seed)
+    worn = subject or true_subject(truth)
+    take, _ = simulate_markers(truth, worn, disturbance.noise_mm, disturbance.dropout, seed)
     if disturbance.flicker or disturbance.wild:
         take = _flickering(take, disturbance, np.random.default_rng(seed))
     if disturbance.keypoints:
@@ -54,6 +64,14 @@ def disturbed_take(disturbance: Disturbance, truth: Motion, seed: int) -> tuple[
         positions[first:last, take.names.index(_HIDDEN)] = np.nan
         take = replace(take, positions_m=positions)
     return take, truth
+
+
+def worn_subject(disturbance: Disturbance, truth: Motion, database: Database) -> Subject:
+    """Return the true body with the points that a disturbance solves it from."""
+    if disturbance.suit:
+        suit = Subject(truth.name, truth.skeleton, load_marker_set(_SUIT))
+        return with_markers(suit, choose_markers(suit, database, _WORN).names)
+    return true_subject(truth, PointKind.KEYPOINTS if disturbance.keypoints else PointKind.MARKERS)
 
 
 def _flickering(take: MarkerTake, disturbance: Disturbance, generator: np.random.Generator) -> MarkerTake:
@@ -125,17 +143,17 @@ def solve_disturbed(
     markers show where the body is.
 
     Args:
-        others: Further ways to solve a take, by name; they get no views of single cameras.
+        others: Further ways to solve a take, by name; they get no views of single cameras and no suits.
     """
     rows: list[dict[str, Any]] = []
     clean: Mapping[str, Way] = {}
     expected: dict[tuple[str, str], list[Expected]] = {}
     for disturbance in disturbances:
-        further = {} if disturbance.rays else others or {}
+        further = {} if disturbance.rays or disturbance.suit else others or {}
+        subject = worn_subject(disturbance, truth, database)
         found: dict[str, list[dict[str, Any]]] = {way: [] for way in (LIVE, OFFLINE, *further)}
         for seed in seeds if disturbance.is_random else seeds[:1]:
-            take, moved = disturbed_take(disturbance, truth, seed)
-            subject = true_subject(truth, PointKind.KEYPOINTS if disturbance.keypoints else PointKind.MARKERS)
+            take, moved = disturbed_take(disturbance, truth, seed, subject)
             ways = solve_both_ways(take, subject, database, settings)
             clean = clean or ways
             first, last = first_pose(ways[LIVE].poses), moved.frames

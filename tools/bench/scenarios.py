@@ -227,6 +227,7 @@ class Disturbance:
     flicker: float = 0.0  # share of marker positions that are missing, mostly for single frames
     wild: float = 0.0  # share of marker positions that are 50 to 170 mm off, for single frames
     rays: bool = False  # show each missing marker to one of two cameras
+    suit: bool = False  # nine markers of a suit, those that determine the body best, in place of the benchmarks'
     keypoints: bool = False  # markers with the errors of keypoints; hands and feet change sides twice for some frames
     fps: float = 0.0  # frame rate; 0 keeps the take's
 
@@ -244,6 +245,7 @@ QUICK_DISTURBANCES = (
     Disturbance("30 % by one camera", dropout=0.3, rays=True),
     Disturbance("flicker and wild points", flicker=0.15, wild=0.08),
     Disturbance("keypoints", keypoints=True),
+    Disturbance("nine of a suit, 1 mm", noise_mm=1.0, suit=True),
 )
 DISTURBANCES = (
     CLEAN,

@@ -1,4 +1,4 @@
-"""People in suits with many markers, solved with nine: how far off the others are; the same for keypoints."""
+"""People in suits with many markers, solved with nine: how far off the others are, whether errors are as expected."""
 
 import json
 from pathlib import Path
@@ -6,15 +6,19 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from perfanim.core import PACKAGE_ROOT
+from perfanim.core.api import SolveRequest, load_subject, load_take, open_database, solve
+from perfanim.core.body.standard_skeleton import JOINT_NAMES
 from perfanim.core.errors import FormatError
+from perfanim.core.session.steady_motion import motion_of
 
 from .baseline import Baseline
 from .keypoints import keypoints
 from .run import Rows, Run
 from .scenarios import BASELINES, CMU, LIVE, OFFLINE, SUITS
+from .solving import Expected, coverage, expected_of
 from .tables import geometric_mean, interval
 
-_USED = "9"  # number of markers to solve with
+_USED = 9  # number of markers to solve with
 
 
 class _Version(NamedTuple):
@@ -25,7 +29,9 @@ class _Version(NamedTuple):
 
 
 def suits(run: Run, baseline: Path | None = None, suits: Path | None = None) -> dict[str, Any]:
-    """Solve suits with nine of their markers; measure the distance of the others.
+    """Solve suits with nine of their markers; measure the distance of the others, and the errors of the pose.
+
+    Errors of the pose are angles to the one solved offline from all markers; they are compared with the expected ones.
 
     Body and offsets are fitted once per take, and the nine markers are chosen once, by this version. Databases contain
     all of CMU; the learned prior is the shipped one, which has seen none of the performers as far as their files say.
@@ -36,7 +42,8 @@ def suits(run: Run, baseline: Path | None = None, suits: Path | None = None) -> 
 
     Returns:
         rows (take, method, used markers, left_out_rms_mm), ratios (to the other version: geometric mean with its 95 %
-        interval, worst take), missing (takes that the folder lacks), keypoints (see `keypoints`), outputs.
+        interval, worst take), intervals (shares of errors within twice the expected error, by take and for all),
+        missing (takes that the folder lacks), keypoints (see `keypoints`), outputs.
 
     Raises:
         FormatError: The folder contains none of the takes.
@@ -53,33 +60,50 @@ def suits(run: Run, baseline: Path | None = None, suits: Path | None = None) -> 
         database = product.database(whole.path.stem, {clip.name for clip in whole.clips})
         theirs = _Version(product, database.resolve())
     jobs = {name: (name, path.resolve(), ours, theirs, run.out.resolve() / "suits") for name, path in there.items()}
-    rows = [row for each in run.each("suits", _solve, jobs, lambda rows: rows) for row in each]
+    solved = run.each("suits", _solve, jobs, lambda done: done.rows)
+    rows = [row for each in solved for row in each.rows]
     figures: dict[str, Any] = {"rows": rows, "ratios": [_ratio(rows, way) for way in (LIVE, OFFLINE)] if theirs else []}
+    by_take = {name: [each] for name, each in zip(jobs, solved, strict=True)} | {"all": solved}
+    figures["intervals"] = [
+        {"take": name, "way": way} | coverage([each.expected[way] for each in of], JOINT_NAMES[1:])
+        for name, of in by_take.items()
+        for way in (LIVE, OFFLINE)
+    ]
     figures["missing"] = [name for name in SUITS if name not in there]
     figures["keypoints"], strips = keypoints(run)
     return run.write("suits", figures, {"": rows, "keypoints": figures["keypoints"]}, strips)
 
 
-def _solve(name: str, path: Path, ours: _Version, theirs: _Version | None, folder: Path) -> list[dict[str, Any]]:
-    """Solve a take with each method, in another process; return a row for each."""
-    subject, motion = folder / f"{name}.toml", folder / f"{name}.bvh"
+class _Solved(NamedTuple):
+    """A take solved by all methods."""
+
+    rows: list[dict[str, Any]]
+    expected: dict[str, Expected]  # expected errors, and those relative to the pose of all markers, by mode
+
+
+def _solve(name: str, path: Path, ours: _Version, theirs: _Version | None, folder: Path) -> _Solved:
+    """Solve a take with each method, in another process."""
+    file, motion = folder / f"{name}.toml", folder / f"{name}.bvh"
     fit = ("--database", str(ours.database), "--marker-set", "auto")
-    ours.product.call("calibrate", "subject", str(path), *fit, "--out", str(subject))
-
-    def solved_by(version: _Version, use: str, *options: str) -> Any:
-        body = ("--subject", str(subject), "--database", str(version.database), "--use", use, "--up", "auto")
-        return json.loads(version.product.call("solve", str(path), *body, *options, "--out", str(motion), "--json"))
-
-    facts = {OFFLINE: solved_by(ours, _USED)}
-    use = ",".join(facts[OFFLINE]["used"])
-    facts[LIVE] = solved_by(ours, use, "--causal")
+    ours.product.call("calibrate", "subject", str(path), *fit, "--out", str(file))
+    subject, database = load_subject(file), open_database(ours.database)
+    take = load_take(path, subject.marker_set)
+    whole = motion_of(solve(take, subject, database).poses_of(), subject, take.name, take.fps)
+    offline = solve(take, subject, database, SolveRequest(marker_count=_USED))
+    used = tuple(offline.report["used"])
+    several = {OFFLINE: offline, LIVE: solve(take, subject, database, SolveRequest(markers=used, causal=True))}
+    facts = {way: solved.summary() | solved.report for way, solved in several.items()}
     if theirs:
-        facts[BASELINES[OFFLINE]] = solved_by(theirs, use)
-    return [
-        {"take": name, "method": method, "frames": found["frames"], "used": use.replace(",", " ")}
+        body = ("--subject", str(file), "--database", str(theirs.database), "--use", ",".join(used), "--up", "auto")
+        facts[BASELINES[OFFLINE]] = json.loads(
+            theirs.product.call("solve", str(path), *body, "--out", str(motion), "--json")
+        )
+    rows = [
+        {"take": name, "method": method, "frames": found["frames"], "used": " ".join(used)}
         | {key: round(found[key], 3) for key in ("left_out_rms_mm", "marker_rms_mm")}
         for method, found in facts.items()
     ]
+    return _Solved(rows, {way: expected_of(solved.poses_of(), whole) for way, solved in several.items()})
 
 
 def _ratio(rows: Rows, way: str) -> dict[str, Any]:

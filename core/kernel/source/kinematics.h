@@ -19,6 +19,14 @@ static void STAGE(quaternion)(const double *v, double *q) {
   for (int i = 0; i < 3; i++) q[1 + i] = factor * v[i];
 }
 
+/* rotation vector of a quaternion, with an angle of at most pi */
+static void STAGE(rotation_vector)(const double *q, double *v) {
+  double sine = sqrt((q[1] * q[1] + q[2] * q[2]) + q[3] * q[3]);
+  if (sine < DBL_MIN) sine = DBL_MIN;
+  double scale = 2.0 * atan2(sine, fabs(q[0])) / sine * (q[0] < 0.0 ? -1.0 : 1.0);
+  for (int i = 0; i < 3; i++) v[i] = scale * q[1 + i];
+}
+
 /* out = a b, of quaternions; out is neither of them */
 static void STAGE(multiply)(const double *a, const double *b, double *out) {
   out[0] = a[0] * b[0] - a[1] * b[1] - a[2] * b[2] - a[3] * b[3];

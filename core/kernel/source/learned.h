@@ -12,10 +12,7 @@ static void STAGE(moved_gaussian)(int64_t joints, const double *vectors, const d
     double q[4], r[4];
     STAGE(quaternion)(v, q);
     for (int i = 0; i < 4; i++) r[i] = c[4 * i] * q[0] + c[4 * i + 1] * q[1] + c[4 * i + 2] * q[2] + c[4 * i + 3] * q[3];
-    double sine = sqrt(r[1] * r[1] + r[2] * r[2] + r[3] * r[3]);
-    if (sine < DBL_MIN) sine = DBL_MIN;
-    double scale = 2.0 * atan2(sine, fabs(r[0])) / sine * (r[0] < 0.0 ? -1.0 : 1.0);
-    for (int i = 0; i < 3; i++) moved[3 * n + i] = scale * r[1 + i];
+    STAGE(rotation_vector)(r, moved + 3 * n);
     double turn[9], before[9], a[9], b[9];
     STAGE(exponential)(v, turn, before);
     STAGE(exponential)(moved + 3 * n, turn, a);

@@ -4,13 +4,16 @@
 
 #include "assignment.h"
 #include "fit.h"
+#include "labels.h"
 #include "learned.h"
 #include "points.h"
 #include "prior.h"
 #include "rigid.h"
 #include "search.h"
+#include "slew.h"
 
 #include "locate.h"
+#include "noise.h"
 
 #include "estimate.h"
 #include "network.h"

@@ -94,6 +94,11 @@ typedef struct {
   double lag_floor_s, by_one_camera, fastest, farthest, least_log, most_log;
 } Network;
 
+/* Settings of tracks: core/labelling/marker_tracks.py */
+typedef struct {
+  double gate, speed_share, unknown_speed, hidden_speed, limb_gate, torso_gate, memory, steady;
+} Tracking;
+
 typedef struct {
   double distance;
   int64_t index;

@@ -33,22 +33,23 @@ def test_markers_are_located_single_or_hidden(mixed):
 def test_residual_is_zero_where_the_markers_are(true_markers, stage_rig, mixed):
     exact = Observation(np.where(np.isnan(mixed.points_m), np.nan, true_markers[0]), mixed.cameras,
                         mixed.image_points, mixed.rig)  # fmt: skip
-    assert np.abs(control_residual(exact, true_markers[0])[:15]).max() == 0.0
+    on_ray = exact.single[exact.controls.markers]
+    assert np.abs(control_residual(exact, true_markers[0])[~on_ray]).max() == 0.0
     # the single-camera markers were seen a centimetre off: across the ray they differ by no more than that
-    across = control_residual(exact, true_markers[0])[15:].reshape(2, 2)
+    across = control_residual(exact, true_markers[0])[on_ray].reshape(2, 2)
     assert np.all(np.linalg.norm(across, axis=1) < 0.03)
     assert len(control_residual(mixed, true_markers[0])) == 3 * 5 + 2 * 2
 
 
 def test_single_camera_marker_is_free_along_its_ray(true_markers, mixed):
     camera = mixed.rig[0]
-    ray = camera.rays(mixed.image_points[2])
+    ray, of_it = camera.rays(mixed.image_points[2]), mixed.controls.markers == 2
     for depth in (2.0, 3.5, 6.0):
         markers = true_markers[0].copy()
         markers[2] = camera.centre_m + depth * ray
-        assert np.abs(control_residual(mixed, markers)[15:17]).max() < 1e-9
+        assert np.abs(control_residual(mixed, markers)[of_it]).max() < 1e-9
         markers[2] += np.array([0.0, 0.05, 0.0])  # 5 cm upwards, nearly across the ray
-        assert np.linalg.norm(control_residual(mixed, markers)[15:17]) == pytest.approx(0.05, rel=0.1)
+        assert np.linalg.norm(control_residual(mixed, markers)[of_it]) == pytest.approx(0.05, rel=0.1)
 
 
 def test_back_projection_is_the_closest_point_on_the_ray(true_markers, mixed):
@@ -66,11 +67,13 @@ def test_marker_noise_adds_to_the_least_deviation(mixed):
     noise_m = 0.004 * np.arange(8)
     noisy = mixed.smoothed(mixed.points_m + 1.0, noise_m, noise_of(PointKind.MARKERS))
     np.testing.assert_array_equal(noisy.points_m, mixed.points_m + 1.0)
-    of_located = np.repeat(np.sqrt(0.003**2 + noise_m[mixed.located] ** 2), 3)
-    np.testing.assert_allclose(control_sigmas(noisy, 0.003), [*of_located, *[0.003] * 4])
+    expected_m = np.hypot(0.003, np.where(mixed.single, 0.0, noise_m))
+    np.testing.assert_allclose(control_sigmas(noisy, 0.003), expected_m[noisy.controls.markers])
     np.testing.assert_allclose(control_sigmas(mixed, 0.003), 0.003)
     source = noise_of(PointKind.KEYPOINTS)
-    across = control_sigmas(mixed.smoothed(mixed.points_m, noise_m, source), 0.003)[-4:]
+    on_ray = mixed.single[mixed.controls.markers]
+    across = control_sigmas(mixed.smoothed(mixed.points_m, noise_m, source), 0.003)[on_ray]
+    assert len(across) == 4
     np.testing.assert_allclose(across, np.hypot(0.003, source.across_m))
 
 

@@ -14,7 +14,7 @@ from bench import accuracy as accuracy_bench
 from bench.accuracy import EMBEDDED, OTHER_STUDIO, UNSEEN_CLIP, accuracy, cases_of
 from bench.baseline import Baseline
 from bench.command import _BENCHES
-from bench.disturbed import disturbed_take
+from bench.disturbed import disturbed_take, worn_subject
 from bench.figure5 import DIMENSIONS, GPLVM, LOCAL, MIXTURE, PCA, STRICT, figure5, gplvm_missing, reconstruction_errors
 from bench.figure6 import figure6, ratios
 from bench.plots import Line, Panel, check_plots, write_plot
@@ -39,6 +39,7 @@ from perfanim.core.database.store import open_database
 from perfanim.core.errors import DatabaseError, FormatError, SettingsError
 from perfanim.core.formats.motion.bvh import write_bvh
 from perfanim.core.geometry.arrays import runs
+from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.session.solve_take import solve_take
 from perfanim.core.simulate.simulated_markers import simulate_markers
 from perfanim.core.solver.pose_solver import PoseSolver
@@ -174,7 +175,8 @@ def test_a_quick_accuracy_compares_less_with_another_version(data, tmp_path, one
     methods = {method for _, method in rows}
     assert methods == {"nearest", "best", "local-pca (tuned)", "live", "offline"}
     ratios = {(row["condition"], row["disturbance"], row["method"]): row for row in figures["disturbed_ratios"]}
-    assert len(ratios) == len(conditions) * 2 * (len(QUICK_DISTURBANCES) - 1)
+    compared = [each for each in QUICK_DISTURBANCES if not (each.rays or each.suit)]
+    assert len(ratios) == len(conditions) * 2 * len(compared)
     # this checkout stands in for it and solves a database of the same motion; live its poses are not delayed
     for (condition, disturbance, way), row in ratios.items():
         if disturbance == "keypoints":
@@ -216,6 +218,16 @@ def test_a_hand_is_hidden_for_half_a_second(embedded_motion):
     missing = np.isnan(take.positions_m[:, :, 0])
     assert np.flatnonzero(missing[:, take.names.index("LHAN")]).tolist() == list(range(30, 45))
     assert missing.sum() == 15
+
+
+def test_a_suit_is_solved_from_nine_of_its_markers(embedded_motion, database):
+    truth, suit = sliced(embedded_motion["walking-02-energetic"], 0, 20), Disturbance("", noise_mm=1.0, suit=True)
+    subject = worn_subject(suit, truth, database)
+    take, _ = disturbed_take(suit, truth, 0, subject)
+    assert take.names == subject.marker_set.names
+    assert len(take.names) == 9
+    assert set(take.names) < set(load_marker_set("cmu-41").names)
+    assert worn_subject(Disturbance(""), truth, database).marker_set.names == load_marker_set(MARKER_SET).names
 
 
 def test_flickering_markers_have_short_gaps_and_wild_points(embedded_motion):
