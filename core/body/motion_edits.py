@@ -89,7 +89,8 @@ def without_pop(motion: Motion, first: int, last: int) -> Motion:
     """
     _check(motion, first, last)
     if first < 2 or last > motion.frames - 3:
-        raise SettingsError("needs two frames before and after the pop", advice="choose a smaller range")
+        advice = "go to the pop, or choose a smaller range"
+        raise SettingsError("needs two frames before and after the pop", advice=advice)
     known = np.array([first - 2, first - 1, last + 1, last + 2])
     gap = np.arange(first, last + 1)
     rotations, roots_m = motion.rotations.copy(), motion.root_positions_m.copy()

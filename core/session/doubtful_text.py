@@ -54,7 +54,7 @@ def doubtful_text(poses: Sequence[ScenePose], performers: Sequence[str], props: 
     told = [f"{name} was never found" for name in missing]
     longest = sorted(found, key=lambda row: row[0].start_s - row[0].stop_s)
     shown = [row for row in longest[: _S.listed] if row[0].stop_s - row[0].start_s >= _S.shortest_s]
-    told += [_passage_text(*row, frames) for row in sorted(shown, key=lambda row: row[0].start_s)]
+    told += _passage_texts(sorted(shown, key=lambda row: row[0].start_s), frames)
     if len(found) > len(shown) > 0:
         told.append(f"{len(found) - len(shown)} shorter")
     return "; ".join(told)
@@ -72,10 +72,13 @@ def _with_own_notes(pose: ScenePose, index: int, performers: Sequence[str], prop
     return replace(pose.performers[index], notes=tuple(map(PoseNote.of_text, own)))
 
 
-def _passage_text(passage: DoubtfulStretch, what: str, frames: Array) -> str:
-    reason = passage.reason.removeprefix(f"{passage.part} uncertain: ")
-    text = f"{what}, frames {frames[passage.first]:.0f} to {frames[passage.last]:.0f}"
-    return f"{text} ({reason})" if reason else text
+def _passage_texts(passages: Sequence[tuple[DoubtfulStretch, str]], frames: Array) -> list[str]:
+    """Return a text for each passage; a reason that all of them have stands once, at the end."""
+    reasons = [passage.reason.removeprefix(f"{passage.part} uncertain: ") for passage, _ in passages]
+    texts = [f"{what}, frames {frames[each.first]:.0f} to {frames[each.last]:.0f}" for each, what in passages]
+    if len(reasons) > 1 and reasons[0] and len(set(reasons)) == 1:
+        reasons = [*[""] * (len(reasons) - 1), f"each: {reasons[0]}"]
+    return [f"{text} ({reason})" if reason else text for text, reason in zip(texts, reasons, strict=True)]
 
 
 def _not_found(poses: Sequence[ScenePose], missing: Mask) -> list[DoubtfulStretch]:

@@ -310,7 +310,7 @@ def lift_of(toes_m: Array, places_m: Array, keyed: IntArray, fps: float) -> Arra
         keyed: Frames (K,) that are not changed.
     """
     fixed = np.isfinite(places_m[:, 0])
-    if not fixed.any():
+    if not fixed.any() or len(toes_m) < 2:  # a pose makes no step
         return np.zeros(len(toes_m))
     ground_m = np.interp(np.arange(len(toes_m)), np.flatnonzero(fixed), places_m[fixed, 1])
     speeds = np.linalg.norm(np.gradient(toes_m[:, [0, 2]], axis=0), axis=1) * fps

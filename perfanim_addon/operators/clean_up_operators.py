@@ -11,7 +11,7 @@ from ...core.body.motion import Motion, sliced
 from ...core.body.motion_edits import mirrored, smoothed, t_pose_end, without_pop
 from ...core.body.moved_feet import hold_planted
 from ...core.body.standing_on_floor import on_floor
-from ...core.errors import SettingsError
+from ...core.errors import SettingsError, counted
 from ...core.geometry.arrays import Array
 from ..animation.character_action import (
     CharacterAction,
@@ -49,7 +49,11 @@ class _CleanUpOperator(UndoOperator):
             self.propose(context.scene, read)
         motion, frames = self.edited(read)
         write_character_action(read, motion, frames)
-        return f"{self.bl_label}: frames {frames[0]:g} to {frames[-1]:g} of {read.action.name}"
+        return f"{self.bl_label}: {self.told(frames)} of {read.action.name}"
+
+    def told(self, frames: Array) -> str:
+        """Return what the message says was changed; `frames` (F,) are those of the changed motion."""
+        return f"frames {frames[0]:g} to {frames[-1]:g}"
 
     def propose(self, scene: bpy.types.Scene, read: CharacterAction) -> None:
         """Set the frames that a click on the button means; the redo panel then changes them."""
@@ -76,6 +80,13 @@ class _RangeOperator(_CleanUpOperator):
         """Return the first and last row of the chosen frames; an empty range gives first > last."""
         inside = np.flatnonzero((read.frames >= self.first - 1e-3) & (read.frames <= self.last + 1e-3))
         return (int(inside[0]), int(inside[-1])) if len(inside) else (0, -1)
+
+
+class _PartOperator(_RangeOperator):
+    """Base of operators that change nothing outside of the range."""
+
+    def told(self, frames: Array) -> str:
+        return f"frames {self.first} to {self.last}"
 
 
 class PERFANIM_OT_trim_motion(_RangeOperator, bpy.types.Operator):
@@ -118,6 +129,9 @@ class PERFANIM_OT_loop_motion(_RangeOperator, bpy.types.Operator):
     last: _frame("Last", "Last frame to look for a cycle in")
     times: whole_number("Times", "How often the cycle is repeated", 4, 1, 1000)
 
+    def told(self, frames: Array) -> str:
+        return f"{counted(self.times, 'cycle')}, {super().told(frames)}"
+
     def edited(self, read: CharacterAction) -> tuple[Motion, Array]:
         first, last = self.rows(read)
         if last - first < 2:
@@ -136,7 +150,7 @@ class PERFANIM_OT_mirror_motion(_CleanUpOperator, bpy.types.Operator):
         return mirrored(read.motion), read.frames
 
 
-class PERFANIM_OT_smooth_motion(_RangeOperator, bpy.types.Operator):
+class PERFANIM_OT_smooth_motion(_PartOperator, bpy.types.Operator):
     """Smooth the preview range, or else the whole motion"""
 
     bl_label = "Smooth"
@@ -150,7 +164,7 @@ class PERFANIM_OT_smooth_motion(_RangeOperator, bpy.types.Operator):
         return hold_planted(motion) if self.feet else motion, read.frames
 
 
-class PERFANIM_OT_remove_pop(_RangeOperator, bpy.types.Operator):
+class PERFANIM_OT_remove_pop(_PartOperator, bpy.types.Operator):
     """Replace the frames around the playhead, or the preview range, by a smooth path"""
 
     bl_label = "Remove Pop"

@@ -16,6 +16,7 @@ from ...core.system.files import exists, is_folder
 from ...core.vision.sources.file_endings import IMAGE_SUFFIXES, VIDEO_ENDINGS
 from .. import take_library
 from ..character.selection import active_armatures
+from ..jobs import activity
 from ..panels import takes_panel
 from ..preferences.paths import absolute
 from ..preferences.property_kinds import choice, draw_props, switch
@@ -46,7 +47,7 @@ class PERFANIM_OT_import_takes(FilesOperator, SolvingOperator, bpy.types.Operato
 
     bl_label = "Import Motion"  # beside Blender's own entry if films or pictures are dropped
     title = "Importing takes"
-    panel = takes_panel.KEY
+    panel = takes_panel.IMPORT_KEY
     filter_glob: bpy.props.StringProperty(default=";".join(f"*{ending}" for ending in _ENDINGS), options={"HIDDEN"})
     body: choice("Body", "Performer and markers of the takes", _BODIES, "AUTO")
     put_on: switch("Put on Character", "Put a single imported take onto the character", default=True)
@@ -113,11 +114,14 @@ class PERFANIM_OT_import_takes(FilesOperator, SolvingOperator, bpy.types.Operato
         takes_panel.choose(first)
         count = f"{len(kept)} of {len(kept) + len(failed)} takes" if failed else counted(len(kept), "take")
         verdicts = [GOOD] * (len(kept) == 1 and kept[0].get("verdict") == GOOD)
-        texts = [f"{count} imported", *verdicts, *failed, *(warning for take in kept for warning in take["warnings"])]
-        texts += [_floor_text(take["camera_heights_mm"]) for take in kept if "camera_heights_mm" in take]
+        notes = [warning for take in kept for warning in take["warnings"]]
+        notes += [_floor_text(take["camera_heights_mm"]) for take in kept if "camera_heights_mm" in take]
+        # those of a good take stand below its buttons, which would leave a small screen otherwise
+        activity.set_message(takes_panel.KEY, "; ".join(notes) if verdicts else "")
+        texts = [f"{count} imported", *verdicts, *failed, *([] if verdicts else notes)]
         if self.put_on and len(kept) == 1 and kept[0].get("verdict"):
             text, self.about = _put_on_active(context, first)
-            texts.insert(1, text)
+            texts.insert(1 + len(verdicts), text)  # the verdict first: it judges the whole take
         return "; ".join(texts)
 
 

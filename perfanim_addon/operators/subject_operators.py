@@ -25,7 +25,8 @@ PANEL = "subject"
 
 
 class PERFANIM_OT_calibrate_subject(JobOperator, bpy.types.Operator):
-    """Measure bone lengths and marker positions from a take of the calibration poses"""
+    """Measure bone lengths and marker positions from a take of the calibration poses.
+    For a take of other motion, use Refine Performer under Takes"""
 
     bl_label = "Calibrate from Take"
     title = "Calibrating the performer"

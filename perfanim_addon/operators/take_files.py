@@ -21,7 +21,7 @@ class _FileOperator(PanelOperator):
 
 
 class PERFANIM_OT_delete_take(_FileOperator, bpy.types.Operator):
-    """Move the take to the trash, until Restore or Clean Up; its actions stay"""
+    """Move the take to the trash, until Restore or Free Disk Space; its actions stay"""
 
     bl_label = "Delete Take"
     path: string("Take", "File of the take", options=HIDDEN)
@@ -52,7 +52,7 @@ class PERFANIM_OT_restore_take(_FileOperator, bpy.types.Operator):
 class PERFANIM_OT_clean_up_takes(_FileOperator, bpy.types.Operator):
     """Show the disk space of the takes, and permanently remove deleted or old ones"""
 
-    bl_label = "Clean Up Takes"
+    bl_label = "Free Disk Space"
     deleted: switch("Deleted Takes", "Deleted takes, and damaged files that were recovered", default=True)
     old: switch("Old Takes", "Listed takes that are older, and have no more stars, than set below")
     days: whole_number("Older Than (Days)", "Age above which a take is old", 90, 0, 10_000)

@@ -22,7 +22,7 @@ from ..settings.performer_refinement import offer
 from . import panel_drawing
 from .capture_panel import PERFANIM_PT_capture
 
-KEY = "takes"
+KEY, IMPORT_KEY = "takes", "import"
 _wanted = [""]  # file of the take to select when the list is next filled
 
 
@@ -102,6 +102,7 @@ class PERFANIM_PT_takes(SidebarPanel, bpy.types.Panel):
             layout.template_list("PERFANIM_UL_takes", "", shown, "entries", shown, "active", rows=4)
             if not shown.entries:
                 layout.label(text="No take of this file yet")
+        panel_drawing.draw_outcome(context, layout, IMPORT_KEY)
         panel_drawing.draw_job(context, layout, KEY)  # above the take's settings, so that it is on small screens
         text, icon = activity.message(KEY)
         is_error = icon == "ERROR"
@@ -169,7 +170,7 @@ def _draw_room(layout: bpy.types.UILayout, count: int) -> None:
         text += f"; deleted {take_library.size_text(gone)}" if gone else ""
         layout.label(text=text, icon="DISK_DRIVE")
         row = layout.row(align=True)
-        row.operator("perfanim.clean_up_takes", text="Clean Up")
+        row.operator("perfanim.clean_up_takes", text="Free Disk Space")
         if gone:
             row.operator_menu_enum("perfanim.restore_take", "take", icon="LOOP_BACK")
 

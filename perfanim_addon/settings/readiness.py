@@ -343,7 +343,8 @@ def character(settings: Any) -> StepStatus:
         active = active_armatures(bpy.context)
         return ready(f"use {active[0].name}?" if len(active) == 1 else "new at start")
     problem = map_problem(armature)
-    return faulty("cannot be driven", f"{armature.name}: {problem}") if problem else ready(armature.name)
+    text = "cannot be driven" if armature.users_scene else "deleted"
+    return faulty(text, f"{armature.name}: {problem}") if problem else ready(armature.name)
 
 
 STEPS = (cameras, markers, performer, motion, character)

@@ -68,13 +68,17 @@ def received(state: dict[str, Any]) -> int:
     return int(state["capture"].get("statistics", {}).get("received", 0))
 
 
-def said_of_takes(window: BlenderWindow, word: str) -> str:
-    """Wait until the Takes panel says something with a word in it, and no work is going on."""
+def said_of_takes(window: BlenderWindow, word: str, key: str = "takes") -> str:
+    """Wait until the Takes panel says something with a word in it, and no work is going on.
+
+    Args:
+        key: of the message: "import" for that of an import.
+    """
 
     def said(state: dict[str, Any]) -> bool:
-        return state["capture"]["activity"] is None and word in str(state["capture"]["messages"].get("takes"))
+        return state["capture"]["activity"] is None and word in str(state["capture"]["messages"].get(key))
 
-    return str(window.wait(said, f"{word!r} in the Takes panel")["capture"]["messages"]["takes"])
+    return str(window.wait(said, f"{word!r} in the Takes panel")["capture"]["messages"][key])
 
 
 def is_busy(state: dict[str, Any]) -> bool:

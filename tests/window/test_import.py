@@ -29,7 +29,7 @@ def wait_for_import(desktop: Desktop, window: BlenderWindow, hand: Hand, what: s
     time.sleep(8.0)
     hand.shot(f"{what}-on-the-way")
     window.wait(lambda s: s["capture"]["activity"] is None, "end of the import", LONGEST_S)
-    said = said_of_takes(window, "imported")
+    said = said_of_takes(window, "imported", "import")
     LOG.info("%s: %d clicks, %.0f s: %s", what, clicks, time.monotonic() - begun, said)
     assert said.startswith("1 take imported; "), (said, state)
     hand.shot(f"{what}-done")
@@ -52,7 +52,7 @@ def test_a_c3d_is_dropped_onto_the_character_that_is_active(
     desktop.screenshot("import-c3d-dialog")
     desktop.key("Return")
     said = wait_for_import(desktop, window, hand, "c3d", clicks=1)
-    assert " on XBOT; " in said, said
+    assert " on XBOT" in said, said
     bones = {joint: bone for joint, (bone, _) in window.order("map").items() if bone}
     check_upright(window, "XBOT", bones, np.arange(5.0, 60.0, 5.0))
     heights = joints(window, "XBOT", np.arange(5.0, 60.0, 5.0), [bones["ltoes"], bones["rtoes"]])[..., 2]
@@ -97,7 +97,7 @@ def test_two_films_are_dropped_onto_the_character_that_is_active(
     desktop.screenshot("import-films-dialog")
     desktop.key("Return")
     said = wait_for_import(desktop, window, hand, "films", clicks=2)
-    assert " on XBOT; " in said, said
+    assert " on XBOT" in said, said
     bones = {joint: bone for joint, (bone, _) in window.order("map").items() if bone}
     check_upright(window, "XBOT", bones, np.arange(5.0, 60.0, 5.0))
     (action,) = [action for name, action in window.state()["actions"].items() if f" in {name} on" in said]

@@ -147,7 +147,7 @@ def test_a_take_of_two_webcams_walks_on_all_kinds_of_characters(
     hand.click("From the Performer")
     hand.click("Floor from the Feet")
     hand.choose_file(shared_dir.resolve() / "two-webcams" / "sequence4_published.trc")
-    assert said_of_takes(window, "imported") == "1 take imported; good"
+    assert said_of_takes(window, "imported", "import") == "1 take imported; good"
     hand.shot("imported")
     for kind, file in CHARACTERS.items():
         if file:

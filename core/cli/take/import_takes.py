@@ -23,7 +23,7 @@ from ...formats.take_file.take_recovery import recover
 from ...geometry.camera import CameraRig
 from ...labelling.take_import import UPS
 from ...markers.label_faults import told
-from ...markers.label_matching import AUTO, load_names
+from ...markers.label_matching import AUTO, join_names, load_names
 from ...markers.marker_set import MarkerSet, load_marker_set
 from ...markers.marker_take import MarkerTake, SingleViews
 from ...markers.subject import Subject, load_subject
@@ -219,7 +219,7 @@ def _import_take(
         take = _with_cameras(take, tracked.filmed.rig)
     take = fit_take(take, marker_set, up)
     lacking = [] if is_unnamed(take) else [name for name in marker_set.names if name not in take.names]
-    warnings += [f"not in {path.name}: {', '.join(lacking)}"] if lacking else []
+    warnings += [f"not in {path.name}: {join_names(lacking)}"] if lacking else []
     out = unused_path(Path(args.out), take.name)
     take = replace(take, name=take_name(out))  # so that takes of the same name can be told apart in lists
     by_labels = args.marker_set == AUTO or (args.marker_set is None and args.subject is None)

@@ -80,7 +80,7 @@ def test_mirror_exchanges_left_and_right(walker: Any) -> None:
     assert not np.allclose(left[..., 2], right[..., 2], atol=1e-2)
 
 
-def test_a_pop_is_removed_and_the_rest_is_left_alone(walker: Any) -> None:
+def test_a_pop_is_removed_and_the_rest_is_left_alone(walker: Any, message: Any) -> None:
     before = places(walker, "hand.L", FRAMES)
     (curve,) = [
         c
@@ -93,6 +93,7 @@ def test_a_pop_is_removed_and_the_rest_is_left_alone(walker: Any) -> None:
     popped = places(walker, "hand.L", FRAMES)
     assert np.abs(popped - before).max() > 0.1
     run("remove_pop", first=29, last=32)
+    assert message("clean_up") == "Remove Pop: frames 29 to 32 of Walk"
     after = places(walker, "hand.L", FRAMES)
     assert np.abs(after - before).max() < 0.02
     assert np.allclose(np.delete(after, range(27, 33), 0), np.delete(before, range(27, 33), 0), atol=1e-4)
@@ -114,13 +115,14 @@ def test_smoothing_takes_the_jitter_from_a_range(walker: Any) -> None:
     assert np.allclose(calm[outside], rough[outside], atol=1e-4)
 
 
-def test_a_walk_is_repeated_without_a_pop(part: Any, chosen: Any, walker: Any) -> None:
+def test_a_walk_is_repeated_without_a_pop(part: Any, chosen: Any, walker: Any, message: Any) -> None:
     motion = clip("walking-01-neutral", 240)
     part("animation.actions").write_action(
         walker.name, np.arange(1.0, 241.0), motion.rotations, motion.root_positions_m, motion.skeleton, name="Long"
     )
     run("loop_motion", first=1, last=240, times=3)
     times = key_times(curves_of(walker))
+    assert message("clean_up") == f"Loop: 3 cycles, frames 1 to {times[-1]:.0f} of Long"
     length = (len(times) - 1) // 3
     assert times[0] == 1.0 and 60 * 0.6 <= length <= 60 * 3.0
     hands = places(walker, "hand.L", times)

@@ -85,6 +85,7 @@ def test_cameras_are_calibrated_from_board_pictures(part: Any, errors: Any, tmp_
     state = part("settings.readiness").cameras(
         SimpleNamespace(
             source="CAMERAS",
+            follow="MARKERS",
             left_device=0,
             right_device=1,
             left_address="",

@@ -18,6 +18,7 @@ from perfanim.core.vision.common_space import common_space
 
 GOOD: dict[str, Any] = {"findings": [], "space": ""}
 DARK = {"findings": [{"fault": "too dark", "text": "the left camera is too dark: expose longer"}], "space": ""}
+FAR = {"findings": [{"fault": "too far", "text": "you are too far away: use larger images"}], "space": ""}
 BUMPED = {"findings": [{"fault": "camera bumped", "text": "a camera was moved: calibrate again"}], "space": ""}
 
 
@@ -44,6 +45,8 @@ def test_each_step_follows_the_one_that_is_done(guide: Any, chosen: Any, tmp_pat
     assert title(guide, chosen) == "Exposure"
     guide.keep_check(chosen, DARK)
     assert guide.next_step(chosen)[2].problem == "the left camera is too dark: expose longer"
+    guide.keep_check(chosen, FAR)
+    assert guide.next_step(chosen)[2].problem == "you are too far away: use larger images"
     guide.keep_check(chosen, GOOD)
     assert title(guide, chosen) == "Calibrate"
     calibrate(chosen, tmp_path / "cameras.toml", floor=False)

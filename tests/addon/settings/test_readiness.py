@@ -114,6 +114,10 @@ def test_an_armature_that_cannot_be_driven_says_why(states: Any, chosen: Any) ->
     chosen.armature = armature
     assert "Other: the armature has no bones" in states.first_missing_step(chosen)
     assert len(armature.perfanim_character.joints) == 29  # to be chosen by hand
+    assert states.character(chosen).text == "cannot be driven"
+    bpy.context.scene.collection.objects.unlink(armature)
+    assert states.character(chosen).text == "deleted"
+    assert "Other: it was deleted from the scene" in states.first_missing_step(chosen)
 
 
 def test_a_marker_set_of_the_users_own(states: Any, chosen: Any, tmp_path: Path) -> None:

@@ -41,6 +41,12 @@ def test_passages_with_a_short_pause_are_one_and_short_ones_are_counted() -> Non
     assert told(take(unsure(range(10, 12)))) == ""
 
 
+def test_a_reason_that_all_passages_have_is_told_once() -> None:
+    text = told(take(unsure(range(10, 20)) | unsure(range(60, 80))))
+    reason = "each: its marker is hidden from both cameras"
+    assert text == f"right hand, frames 11 to 20; right hand, frames 61 to 80 ({reason})"
+
+
 def test_the_longest_passages_are_listed_in_order_of_time() -> None:
     numbers = [*range(8), *range(30, 38), *range(60, 68), *range(85, 92), *range(110, 119)]
     text = told(take({number: replace(performer_pose(number), confidence=0.1) for number in numbers}))

@@ -122,6 +122,17 @@ def test_a_single_key_gives_a_pose(solver, database):
     assert_sound(solution, database)
 
 
+def test_keys_of_feet_in_a_single_frame_give_a_pose_that_stands(truth, solver, database):
+    bones = truth.skeleton
+    places, _ = forward_kinematics(bones, standing(bones)[None], np.zeros((1, 3)))
+    places[..., 1] -= places[..., 1].min()
+    keyed = [Control(name, np.array([1.0]), places[:, bones.index(name)]) for name in ("root", "lfoot", "rfoot")]
+    solution = solver.solve(Sketch("stance", 24.0, tuple(keyed)))
+    assert solution.motion.frames == 1
+    assert solution.unmet == ()
+    assert_sound(solution, database)
+
+
 def test_follow_leads_from_the_databases_motion_to_the_curve(truth, solver, walk):
     hand = truth.skeleton.index("rhand")
     control = next(control for control in walk.controls if control.joint == "rhand")
