@@ -57,6 +57,8 @@ class _Settings:
     background_samples: int = 31  # images of the take used to learn its background
     empty_samples: int = 240  # largest number of images without the performer used to learn the background
     worn_share: float = 0.25  # share of frames in which all worn markers are assumed visible, to count them
+    usual_share: float = 0.9  # share of frames that must show more markers than are worn before these are doubted
+    unworn: int = 2  # number of further markers
 
 
 _SETTINGS = _Settings()
@@ -367,6 +369,12 @@ def _frame_facts(request: TrackRequest, frames: Sequence[MarkerFrame]) -> Facts:
             raise TakeError("nobody was found" + where, advice=advice)
         advice = "check the threshold, the cameras' order and the calibration"
         raise TakeError("no markers were found", advice=advice)
+    # so many markers are there nearly always; a reflection is alone, or comes and goes
+    usual = int(shown[int(_SETTINGS.usual_share * (len(shown) - 1))])
+    doubts: Facts = {}
+    if worn and not request.people and usual >= worn + _SETTINGS.unworn:
+        text = f"nearly every frame shows {usual} markers, but {worn} are worn; choose the marker set that was worn"
+        doubts = {"doubts": [text]}
     worn = worn or max(int(shown[int(_SETTINGS.worn_share * len(shown))]), 1)
     located = np.minimum(points, worn)
     return {
@@ -378,6 +386,7 @@ def _frame_facts(request: TrackRequest, frames: Sequence[MarkerFrame]) -> Facts:
         "one_camera_fraction": float(np.mean(np.minimum(rays, worn - located) / worn)),
         "reprojection_rms_px": labelled_rms_px(rig, frames, [np.arange(n) for n in points]) if points.any() else None,
         "warnings": list(dict.fromkeys(note for frame in frames for note in frame.notes)),
+        **doubts,
     }
 
 

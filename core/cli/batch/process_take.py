@@ -101,6 +101,7 @@ class TakePipeline:
         def write(path: Path) -> None:
             options = [*self._take.options_of("track"), *self._take.options_of("label")]
             facts = self._commands.run("track", [*options, "--out", str(path)])
+            self._doubts += facts.get("doubts", [])
             self._warnings += [self._plain(text) for text in facts["warnings"]]
 
         self._keep("markers", f"{self._take.name}.take.npz", write)

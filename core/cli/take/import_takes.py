@@ -5,7 +5,7 @@ import tempfile
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -28,6 +28,7 @@ from ...markers.marker_set import MarkerSet, load_marker_set
 from ...markers.marker_take import MarkerTake, SingleViews
 from ...markers.subject import Subject, load_subject
 from ...markers.take_frames import is_unnamed
+from ...session.verdict import Reason, ReasonKind
 from ...system.progress import Progress
 from ..options import (
     add_choice,
@@ -148,6 +149,13 @@ def _import_file(shared: _Import, path: Path, progress: Progress) -> dict[str, A
     return _import_take(shared, take, path, shared.args.marker_set or AUTO, shared.args.up, progress)
 
 
+class _Tracked(NamedTuple):
+    """Films or pictures in which markers were found, and why these are doubtful."""
+
+    filmed: FilmedTake
+    doubts: list[str]
+
+
 def _import_filmed(shared: _Import, filmed: FilmedTake, progress: Progress) -> dict[str, Any]:
     """Track the markers, or the person, and import the trajectories."""
     from ...api.tracking import GUESSED, TrackRequest, track  # OpenCV is slow to load
@@ -173,7 +181,8 @@ def _import_filmed(shared: _Import, filmed: FilmedTake, progress: Progress) -> d
     def solving(share: float, text: str) -> None:
         progress(0.5 + 0.5 * share, text)
 
-    done = _import_take(shared, take, where, named or AUTO, up, solving, filmed)
+    tracked = _Tracked(filmed, facts.get("doubts", []))
+    done = _import_take(shared, take, where, named or AUTO, up, solving, tracked)
     told_before = [text for text in facts["warnings"] if text != GUESSED]
     return done | {"cameras": str(filmed.calibration), "warnings": [*told_before, *done["warnings"]]}
 
@@ -185,14 +194,14 @@ def _import_take(
     named: str,
     up: str,
     progress: Progress,
-    filmed: FilmedTake | None = None,
+    tracked: _Tracked | None = None,
 ) -> dict[str, Any]:
     """Solve a take, store it and return facts about it.
 
     Args:
         path: File or source of the take, for messages.
         named: Name of the marker set, or "auto".
-        filmed: Films or pictures of the take.
+        tracked: Films or pictures in which its markers were found.
     """
     args, subject, worn = shared.args, shared.subject, None
     if subject is None:
@@ -205,9 +214,9 @@ def _import_take(
     assert marker_set is not None  # noqa: S101 - there is a set if there is no subject
     warnings = list(take.notes)
     origin: dict[str, Any] = {"imported": str(path), "up": up}
-    if filmed is not None:
-        origin["tracked"] = list(filmed.sources)
-        take = _with_cameras(take, filmed.rig)
+    if tracked is not None:
+        origin["tracked"] = list(tracked.filmed.sources)
+        take = _with_cameras(take, tracked.filmed.rig)
     take = fit_take(take, marker_set, up)
     lacking = [] if is_unnamed(take) else [name for name in marker_set.names if name not in take.names]
     warnings += [f"not in {path.name}: {', '.join(lacking)}"] if lacking else []
@@ -219,6 +228,9 @@ def _import_take(
         solved = solve_markers(take, subject, shared.database, request, progress)
     else:
         solved = solve_unmeasured(take, AUTO if named == AUTO else marker_set, shared.database, request, progress)
+    if tracked is not None:
+        doubts = (Reason(ReasonKind.LABELS, text) for text in tracked.doubts)
+        solved = replace(solved, findings=(*solved.findings, *doubts))
     warnings += [note for note in take.notes if note not in warnings]
     warnings += solved.clock.sentences if solved.clock is not None else []
     solved.save(out, capture=origin)
@@ -226,7 +238,7 @@ def _import_take(
     if not solved.verdict.is_good:
         warnings.append(f"{path.name}: {solved.verdict.text}")
     facts = solved.summary() | {"verdict": solved.verdict.text}
-    if filmed is not None and up == "feet" and take.single is not None:
+    if tracked is not None and up == "feet" and take.single is not None:
         facts["camera_heights_mm"] = take.single.rig.heights_mm
     matched = {"marker_set": marker_set.name, "markers": len(marker_set) - len(lacking)}
     return {"take": path.name, "warnings": warnings, "out": str(out)} | matched | facts

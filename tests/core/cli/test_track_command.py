@@ -167,6 +167,14 @@ def test_too_few_markers_for_the_set_are_told(folder, capsys):
     assert not (folder / "take.trc").exists()
 
 
+@pytest.mark.parametrize(("worn", "doubts"), [(3, 1), (4, 0), (5, 0)])  # one further may be a reflection
+def test_more_markers_than_are_worn_are_doubted(folder, capsys, worn, doubts):
+    assert main(arguments(folder, "--markers", str(worn), "--out", str(folder / "take.perftake"), "--json")) == 0
+    told = json.loads(capsys.readouterr().out).get("doubts", [])
+    text = f"nearly every frame shows 5 markers, but {worn} are worn; choose the marker set that was worn"
+    assert told == [text] * doubts
+
+
 @pytest.mark.parametrize("chosen", [["--left", "left"], ["--camera", "right=right"]])
 def test_one_camera_gives_trajectories_in_its_image(folder, capsys, chosen):
     out = folder / "one.take.npz"

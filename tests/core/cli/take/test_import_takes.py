@@ -1,6 +1,7 @@
 """`perfanim take import`: marker takes of other systems become recorded ones; and captures solved anew stay takes."""
 
 import json
+import re
 import shutil
 from dataclasses import replace
 
@@ -20,7 +21,7 @@ from perfanim.core.markers.subject import save_subject
 from perfanim.core.session.solve_take import solve_take
 from perfanim.core.session.steady_motion import motion_of
 from perfanim.core.solver.settings import SolveSettings
-from perfanim.core.system.assets import MOTION
+from perfanim.core.system.assets import MARKER_SETS, MOTION
 
 FPS = 30.0
 Z_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])  # (x, y, z) here is (x, -z, y) there
@@ -209,8 +210,8 @@ def test_without_a_performer_the_body_is_fitted(walk, tmp_path, database_file, c
 def test_two_films_become_a_take(tmp_path, capsys):
     """Simulated cameras and markers; nothing is named but one film and the set."""
     studio, takes = tmp_path / "studio", tmp_path / "takes"
-    few = ["--t-pose", "0", "--background", "2", "--board-views", "2", "--fps", "30"]
-    assert main(["simulate", "cameras", str(MOTION / "walking-01-neutral.bvh"), "--out", str(studio), *few]) == 0
+    short = ["--t-pose", "0", "--background", "2", "--board-views", "2", "--fps", "30"]
+    assert main(["simulate", "cameras", str(MOTION / "walking-01-neutral.bvh"), "--out", str(studio), *short]) == 0
     shutil.copy(studio / "truth" / "cameras.toml", studio)
     shutil.rmtree(studio / "board")
     capsys.readouterr()
@@ -233,3 +234,12 @@ def test_two_films_become_a_take(tmp_path, capsys):
     assert row["camera_heights_mm"] == pytest.approx(rigs[1].heights_mm, abs=80.0)  # above the floor under the feet
     centres = [[camera.centre_m for camera in rig.cameras] for rig in rigs]
     assert np.linalg.norm(np.subtract(*centres), axis=1).max() < 0.08
+
+    whole = (MARKER_SETS / "boxing.toml").read_text().split("[[marker]]")
+    few = [block for block in whole if not re.search('"([LR]HAN|LFOO)"', block)]  # without three that are worn
+    (tmp_path / "few.toml").write_text("[[marker]]".join(few))
+    line[line.index("boxing")] = tmp_path / "few.toml"
+    assert main(list(map(str, line))) == 0
+    (row,) = json.loads(capsys.readouterr().out)["takes"]
+    assert re.match("nearly every frame shows [89] markers, but 6 are worn", row["verdict"])
+    assert read_take_file(row["out"]).notes.verdict == row["verdict"]
