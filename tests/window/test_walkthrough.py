@@ -27,7 +27,7 @@ from sidebar_steps import (
 
 EXPORTED_MM = 1.0
 FRAMES = 443  # of the take of two webcams
-WEBCAMS_HZ = 33  # what most of its time stamps tell
+WEBCAMS_HZ = 30  # of files written of it: the mean rate of its time stamps is 29.2
 SCENE_FPS = 24.0
 TRASH_PX = 76  # from the word Export to the icon
 FIELD_PX = 120  # from a setting's name in a dialog to its value
