@@ -21,7 +21,7 @@ from ..geometry.camera import CameraRig
 from ..geometry.rig_file import save_rig
 from ..labelling.human_size import has_human_shape
 from ..labelling.trajectory_linking import track_markers
-from ..labelling.trajectory_naming import match_trajectories, name_trajectories
+from ..labelling.trajectory_naming import compare_takes, name_trajectories
 from ..markers.floor_from_feet import floor_points, to_rig_world
 from ..markers.marker_frame import MarkerFrame
 from ..markers.marker_set import MarkerSet, load_marker_set
@@ -276,7 +276,7 @@ def _write_trajectories(request: TrackRequest, seen: Sequence[MarkerFrame], fps:
             "all_visible_fraction": float(take.visible.all(axis=1).mean()),
         }
     if request.truth:
-        found |= _compare_takes(take, read_take(request.truth))
+        found |= compare_takes(take, read_take(request.truth))
     worn = request.points if request.people else request.marker_set
     if request.floor == "feet" and worn is not None:
         take, found["camera_heights_mm"] = _to_floor(request, take, worn)
@@ -387,22 +387,4 @@ def _frame_facts(request: TrackRequest, frames: Sequence[MarkerFrame]) -> Facts:
         "reprojection_rms_px": labelled_rms_px(rig, frames, [np.arange(n) for n in points]) if points.any() else None,
         "warnings": list(dict.fromkeys(note for frame in frames for note in frame.notes)),
         **doubts,
-    }
-
-
-def _compare_takes(take: MarkerTake, truth: MarkerTake) -> Facts:
-    """Return the distances to the true trajectories, paired so that they fit best over the whole take."""
-    frames = min(take.frames, truth.frames)
-    own, other = take.positions_m[:frames], truth.positions_m[:frames]
-    # turn truth given in the left camera's frame (x right, y down, z forward) into world axes
-    turned = other * np.array([1.0, -1.0, -1.0])
-    if np.nanmedian(np.abs(own[..., 2] - turned[..., 2])) < np.nanmedian(np.abs(own[..., 2] - other[..., 2])):
-        other = turned
-    rows, columns = match_trajectories(own, other)
-    distance = np.linalg.norm(own[:, rows] - other[:, columns], axis=2)
-    return {
-        "truth_frames": frames,
-        "truth_pairs": {take.names[r]: truth.names[c] for r, c in zip(rows, columns, strict=True)},
-        "distance_median_mm": 1000.0 * float(np.nanmedian(distance)),
-        "distance_p95_mm": 1000.0 * float(np.nanpercentile(distance, 95)),
     }

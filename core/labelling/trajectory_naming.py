@@ -1,6 +1,7 @@
 """Naming tracked trajectories by votes of frames that show a standing body."""
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -105,3 +106,21 @@ def _median_distance(a: Array, b: Array) -> float:
     distance = np.linalg.norm(a - b, axis=1)
     seen = np.isfinite(distance)
     return float(np.median(distance[seen])) if seen.any() else 1e3  # far larger than any real distance
+
+
+def compare_takes(take: MarkerTake, truth: MarkerTake) -> dict[str, Any]:
+    """Return the distances to the true trajectories, paired so that they fit best over the whole take."""
+    frames = min(take.frames, truth.frames)
+    own, other = take.positions_m[:frames], truth.positions_m[:frames]
+    # turn truth given in the left camera's frame (x right, y down, z forward) into world axes
+    turned = other * np.array([1.0, -1.0, -1.0])
+    if np.nanmedian(np.abs(own[..., 2] - turned[..., 2])) < np.nanmedian(np.abs(own[..., 2] - other[..., 2])):
+        other = turned
+    rows, columns = match_trajectories(own, other)
+    distance = np.linalg.norm(own[:, rows] - other[:, columns], axis=2)
+    return {
+        "truth_frames": frames,
+        "truth_pairs": {take.names[r]: truth.names[c] for r, c in zip(rows, columns, strict=True)},
+        "distance_median_mm": 1000.0 * float(np.nanmedian(distance)),
+        "distance_p95_mm": 1000.0 * float(np.nanpercentile(distance, 95)),
+    }

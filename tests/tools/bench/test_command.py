@@ -393,9 +393,7 @@ def test_subset_keeps_the_motion_of_its_clips(database, tmp_path):
     part = write_subset(database, tmp_path / "part.db", [(second, 5, 40), (first, 0, 10)])
     assert [(clip.name, clip.start, clip.stop) for clip in part.clips] == [(second.name, 0, 35), (first.name, 35, 45)]
     frames = np.r_[second.start + 5 : second.start + 40, first.start : first.start + 10]
-    # float32 rotation vectors, about other means
-    np.testing.assert_allclose(
-        np.abs(np.sum(part.local_rotations(slice(None)) * database.local_rotations(frames), axis=-1)), 1.0, atol=1e-6
-    )
+    alike = np.sum(part.local_rotations(slice(None)) * database.local_rotations(frames), axis=-1)
+    np.testing.assert_allclose(np.abs(alike), 1.0, atol=1e-6)  # float32 rotation vectors, about other means
     with pytest.raises(DatabaseError, match="no clip is left"):
         write_subset(database, tmp_path / "none.db", [])
