@@ -76,6 +76,12 @@ def by_channel(curves: Iterable[bpy.types.FCurve]) -> dict[tuple[str, int], bpy.
     return {(curve.data_path, curve.array_index): curve for curve in curves}
 
 
+def sequencer_strips(scene: bpy.types.Scene) -> Any:
+    """Return the strips of a scene's sequencer, which is added if there is none; up to 4.3 they have another name."""
+    editor = scene.sequence_editor or scene.sequence_editor_create()
+    return editor.strips if _HAS_SLOTS else editor.sequences
+
+
 def detach_action(animation: bpy.types.AnimData) -> None:
     """Detach the active action, if there is one; a fake user keeps it in the file."""
     if animation.action is not None:

@@ -1,4 +1,4 @@
-"""A take's films or pictures behind Blender cameras that stand where the real ones stood, in time with the motion."""
+"""A take's films or pictures behind Blender cameras that stand where the real ones stood, and sound, in time."""
 
 import re
 from collections.abc import Callable, Sequence
@@ -18,9 +18,11 @@ from ...core.geometry.camera import Camera
 from ...core.system.files import is_file
 from ...core.vision.sources.file_endings import VIDEO_ENDINGS
 from ..animation.actions import scene_fps
+from ..blender_versions import sequencer_strips
 from ..character.axes import BLENDER_FROM_WORLD
 
 _SENSOR_MM = 36.0
+_SOUND = "Perfanim sound"
 _MOST_FRAMES = 1_000_000  # longest sequence in Blender
 _LAST_NUMBER = re.compile(r"(\d+)(?=\D*$)")
 _BLENDER_CAMERA: Array = np.diag([1.0, -1.0, -1.0])  # OpenCV's camera axes from those of Blender's cameras
@@ -50,7 +52,7 @@ def show_pictures(
 ) -> list[str]:
     """Add a camera with its pictures in the background for each camera of a take; return the names of their objects.
 
-    Cameras of the same names that were added for another take are replaced.
+    The sound of a film goes to the sequencer. Cameras and sound that were added for another take are replaced.
 
     Args:
         poses_s: Times of the shown poses on the take's clock.
@@ -72,7 +74,28 @@ def show_pictures(
         obj = _camera_object(context, camera, to_scene)
         _show_behind(context, obj.data, film, film.fps or own_fps, (poses_s[0] - begins_s, start_frame))
         made.append(str(obj.name))
+    since_s = [poses_s[0] - begins_s for begins_s in starts_s]
+    _play_sound(context.scene, films, [start_frame - each * scene_fps(context.scene) for each in since_s])
     return made
+
+
+def _play_sound(scene: bpy.types.Scene, films: Sequence[_Film], starts: Sequence[float]) -> None:
+    """Add the first sound of films to the sequencer, in place of that of another take.
+
+    Args:
+        starts: Scene frame at which each film begins.
+    """
+    strips = sequencer_strips(scene)
+    if (old := strips.get(_SOUND)) is not None:
+        strips.remove(old)
+    for film, start in zip(films, starts, strict=True):
+        sound = bpy.data.sounds.load(str(film.path))
+        has_sound = sound.channels != "INVALID"  # pictures have none, either
+        bpy.data.sounds.remove(sound)
+        if has_sound:
+            channel = 1 + max((strip.channel for strip in strips), default=0)
+            strips.new_sound(_SOUND, str(film.path), channel, round(start))
+            return
 
 
 def _paths(take: TakeFile) -> list[str]:

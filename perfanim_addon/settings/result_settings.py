@@ -56,7 +56,7 @@ class PERFANIM_PG_result(bpy.types.PropertyGroup):
     )
     pictures: switch(
         "Reference Pictures",
-        "Also add cameras where the real ones stood, with the take's films or pictures behind them, in time",
+        "Also add cameras where the real ones stood, with the take's films or pictures behind them, in time, and sound",
     )
     filters: choice(
         "Filters",

@@ -1,5 +1,6 @@
 """Films of a take behind Blender cameras: where the real ones stood, and in time with the motion."""
 
+import wave
 from pathlib import Path
 from typing import Any
 
@@ -109,6 +110,21 @@ def test_again_there_is_one_camera_of_each_name(chosen: Any, take: Path, part: A
     names = {f"Perfanim {camera.name}" for camera in RIG.cameras}
     assert {obj.name for obj in bpy.data.objects if obj.type == "CAMERA" and "Perfanim" in obj.name} == names
     assert f"pictures behind {', '.join(sorted(names))}" in part("jobs.activity").message("takes")[0]
+
+
+def test_the_sound_of_a_film_goes_with_the_motion(chosen: Any, take: Path, films: list[str], part: Any) -> None:
+    versions, scene = part("blender_versions"), bpy.context.scene
+    put_on(take)
+    assert len(versions.sequencer_strips(scene)) == 0  # films without sound
+    with wave.open(films[1], "wb") as sound:  # a sound is known by its content
+        sound.setparams((1, 2, 8000, 0, "NONE", ""))
+        sound.writeframes(bytes(2 * 8000 * (BEFORE + POSES) // int(FILM_FPS)))
+    for frame in (21, 41):
+        scene.frame_set(frame)
+        put_on(take)
+        (strip,) = versions.sequencer_strips(scene)
+        assert strip.type == "SOUND"
+        assert strip.frame_start == pytest.approx(frame - BEFORE * scene.render.fps / FILM_FPS, abs=0.51)
 
 
 def test_a_film_that_is_gone_is_said_and_the_motion_is_there(
