@@ -106,7 +106,8 @@ class WorkerClient:
         self._connection.send()
         if not messages and not self.running:
             messages = self._connection.receive()  # messages sent before it died
-            if not messages:
+            # on a busy machine they arrive after its end, but before that of the connection
+            if not messages and not self._connection.is_open:
                 reason = f"ended unexpectedly (status {self._process.status}){self._process.last_line()}"
                 raise CaptureError(reason, where="worker", advice="start again")
         self._liveness.update(messages)

@@ -43,6 +43,11 @@ class WorkerConnection:
         """Port that the worker connects to."""
         return int(self._listener.getsockname()[1])
 
+    @property
+    def is_open(self) -> bool:
+        """Whether a program is connected, from which messages may still arrive."""
+        return self._socket is not None
+
     def receive(self) -> list[Message]:
         """Return complete messages that have arrived, a limited number per call.
 

@@ -64,6 +64,19 @@ def test_a_killed_worker_is_noticed() -> None:
             collect(client, lambda m: False)
 
 
+def test_messages_that_arrive_after_the_end_of_the_process_count(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As on a busy machine, where the system delivers them late."""
+    receive, late = WorkerConnection.receive, [True, True]
+    with worker({"job": "nonsense"}) as client:
+        client.ask(None)
+        while client.running:
+            time.sleep(0.01)
+        monkeypatch.setattr(WorkerConnection, "receive", lambda it: [] if late and late.pop() else receive(it))
+        kinds = [message.kind for message in collect(client, lambda _: client.ended)]
+        assert not late
+        assert kinds[-2:] == [MessageKind.ERROR, MessageKind.END]
+
+
 def test_a_worker_that_gets_no_further_may_be_replaced_but_not_again_and_again(monkeypatch: pytest.MonkeyPatch) -> None:
     said: list[Message] = []
     with worker({"job": "nonsense"}) as client:
