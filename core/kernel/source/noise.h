@@ -1,9 +1,11 @@
 /* Noise of markers: core/markers/marker_noise.py. */
 
-/* differences (M,) of positions (F, M, 3), F up to 8, at times (F,) from the polynomial through them; see _differences */
+/* differences (M,) of positions (F, M, 3), F up to 8, at times (F,) from the polynomial through them; see
+   differences. Returns 0, or 1 if F is more than 8. */
 EXPORT int64_t STAGE(differences)(int64_t frames, int64_t count, const double *times, const double *points,
                                   double *differences) {
   double weights[8], length = 0.0;
+  if (frames > 8) return 1;
   for (int64_t f = 0; f < frames; f++) {
     double product = 1.0;
     for (int64_t g = 0; g < frames; g++)
@@ -37,7 +39,7 @@ static double STAGE(median)(Candidate *all, int64_t n) {
   return n % 2 ? low : 0.5 * (low + high);
 }
 
-/* sigmas (M,) from differences (N, M), NaN where unknown; see _sigmas. fewest: differences that an estimate needs;
+/* sigmas (M,) from differences (N, M), NaN where unknown; see noise. fewest: differences that an estimate needs;
    length: what the median is divided by; values: work for N M + M candidates. */
 EXPORT int64_t STAGE(noise)(int64_t rows, int64_t count, int64_t fewest, double length, const double *differences,
                             Candidate *values, double *sigmas) {
