@@ -85,14 +85,14 @@ def _play_sound(scene: bpy.types.Scene, films: Sequence[_Film], starts: Sequence
     Args:
         starts: Scene frame at which each film begins.
     """
-    strips = sequencer_strips(scene)
-    if (old := strips.get(_SOUND)) is not None:
-        strips.remove(old)
+    if scene.sequence_editor is not None and (old := sequencer_strips(scene).get(_SOUND)) is not None:
+        sequencer_strips(scene).remove(old)
     for film, start in zip(films, starts, strict=True):
         sound = bpy.data.sounds.load(str(film.path))
         has_sound = sound.channels != "INVALID"  # pictures have none, either
         bpy.data.sounds.remove(sound)
         if has_sound:
+            strips = sequencer_strips(scene)
             channel = 1 + max((strip.channel for strip in strips), default=0)
             strips.new_sound(_SOUND, str(film.path), channel, round(start))
             return
