@@ -32,22 +32,24 @@ static int64_t STAGE(earlier_frames)(const Lags *lags, int64_t frames, int64_t c
   return 0;
 }
 
-/* out (n, count): components of the poses of n frames */
+/* out (n, count): components of the poses of n frames, two at a time, so that no sum waits for the one before */
 static void STAGE(components)(const EarlierPoses *e, int64_t n, const int64_t *frames, float *out) {
-  for (int64_t k = 0; k < n; k++, out += e->count) {
-    const float *pose = e->poses + frames[k] * e->size;
-    if (k + AHEAD < n)
-      for (int64_t d = 0; d < e->size; d += 16) __builtin_prefetch(e->poses + frames[k + AHEAD] * e->size + d);
+  for (int64_t k = 0; k < n; k += 2, out += 2 * e->count) {
+    int64_t is_pair = k + 1 < n;
+    const float *pose = e->poses + frames[k] * e->size, *other = e->poses + frames[k + is_pair] * e->size;
+    for (int64_t later = k + AHEAD; later < n && later < k + AHEAD + 2; later++)
+      for (int64_t d = 0; d < e->size; d += 16) __builtin_prefetch(e->poses + frames[later] * e->size + d);
     for (int64_t first = 0; first < e->padded; first += 32) {
-      v8f sums[4] = {{0.0f}};
+      v8f sums[2][4] = {{{0.0f}}};
       for (int64_t d = 0; d < e->size; d++)
         for (int q = 0; q < 4; q++) {
           v8f column;
           memcpy(&column, e->components + d * e->padded + first + 8 * q, sizeof column);
-          sums[q] += pose[d] * column;
+          sums[0][q] += pose[d] * column;
+          sums[1][q] += other[d] * column;
         }
       int64_t kept = e->count - first < 32 ? e->count - first : 32;
-      memcpy(out + first, sums, (size_t)kept * sizeof(float));
+      for (int64_t i = 0; i <= is_pair; i++) memcpy(out + i * e->count + first, sums[i], (size_t)kept * sizeof(float));
     }
   }
 }

@@ -93,8 +93,8 @@ EXPORT int64_t STAGE(neighbours_prior)(const int64_t *sizes, const float *poses,
     }
     for (int64_t c = 0; c < PANEL && first + c < used; c++) means[first + c] += shift[c];
   }
-  for (int64_t top = 0; top < used; top += 4)
-    for (int64_t first = top / PANEL * PANEL; first < used; first += PANEL) {
+  for (int64_t first = 0; first < used; first += PANEL) /* one panel stays in the nearest memory */
+    for (int64_t top = 0; top < first + PANEL && top < used; top += 4) {
       float tile[4 * PANEL];
       STAGE(tile)(count, single + top / PANEL * PANEL * count + top % PANEL, single + first * count, tile);
       for (int64_t i = top; i < top + 4 && i < used; i++)
