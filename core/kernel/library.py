@@ -13,7 +13,7 @@ from typing import Any, Generic, NamedTuple, ParamSpec, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-VERSION = 5  # the same number stands in source/kernel.c
+VERSION = 6  # the same number stands in source/kernel.c
 FOLDER = Path(__file__).parent / "libraries"
 _CHOICE = "PERFANIM_KERNEL"  # environment variable: "off" for NumPy, or another folder of libraries
 _SYSTEMS = {"linux": ("linux", "so"), "win32": ("windows", "dll"), "darwin": ("macos", "dylib")}

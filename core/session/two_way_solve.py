@@ -9,7 +9,7 @@ fitted to the smoothed markers, whose gaps are filled by means of the average, a
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from itertools import pairwise
 
 import numpy as np
@@ -31,9 +31,11 @@ from ..markers.filtering import smooth_poses
 from ..markers.gap_filling import fill_gaps
 from ..markers.marker_smoothing import smooth_markers
 from ..markers.source_noise import SourceNoise, noise_of
+from ..solver.following import Frame
 from ..solver.motion_prior import PriorEstimate
 from ..solver.observation import Observation
 from ..solver.pose_solver import PoseSolver
+from ..solver.solution import Solution
 from ..solver.subject_model import RootPose
 from .leaving_markers import leaves_body
 from .part_errors import PartErrors
@@ -48,6 +50,8 @@ _SMOOTH_HZ = 8.0  # cut-off for the averaged trajectories
 _CALM_SHARE = 0.27
 _CALM_STEP_HZ = 0.25  # step between the cut-offs that are tried
 REPORT_EVERY = 30  # frames between two reports of progress
+_AGAIN_S = 1.0  # time before and after a suspected marker for which a stretch is solved again: its history is forgotten
+_FOLLOWED = 16  # number of frames that are given to the solver at once
 _TOGETHER = 128  # number of frames for which priors or fits are computed at once
 _TORSO = list(PARTS).index("torso")  # index of the part that contains the root
 
@@ -60,6 +64,13 @@ class _Trajectory:
     root_positions_m: Array  # (F, 3)
     errors_deg: Array  # (F, P) expected errors of parts
     joint_errors_deg: Array  # (F, J - 1) expected errors of joints
+
+    def with_part(self, part: slice, other: "_Trajectory") -> "_Trajectory":
+        """Return the solution with another one of some frames."""
+        found = [getattr(self, each.name).copy() for each in fields(self)]
+        for values, each in zip(found, fields(self), strict=True):
+            values[part] = getattr(other, each.name)
+        return _Trajectory(*found)
 
 
 class TwoWaySolver:
@@ -84,29 +95,48 @@ class TwoWaySolver:
         return _started(result)
 
     def _solve(self, poses: Sequence[PerformerPose], progress: Callable[[float], None]) -> list[PerformerPose]:
-        clock = clock_of(np.array([pose.time_s for pose in poses]))
+        clock = _clock(poses)
         observations = self._observations(poses)
         backward = _trajectory(self._backward, poses, observations, lambda share: progress(0.5 * share), -1)
         trajectory = _blended((_live_trajectory(poses), backward), clock.mean_fps)
-        suspected = self._off_body(poses, trajectory, clock, judged=False)
-        if suspected.any():
-            # the body may have followed wild markers, and then true ones seem wild: it decides without any of them
-            left = self._observations([_without(*of) for of in zip(poses, suspected, strict=True)])
-            again = [
-                _trajectory(self._solver, poses, left, lambda share: progress(0.5 + 0.25 * share), 1),
-                _trajectory(self._backward, poses, left, lambda share: progress(0.75 + 0.25 * share), -1),
-            ]
-            other = _blended(again, clock.mean_fps)
-            wild = suspected & self._off_body(poses, other, clock, judged=True)
-            if wild.any():
-                texts, trajectory = np.array(self._solver.subject.subject.marker_set.texts), other
-                poses = [
-                    _noted(_without(pose, left_out), texts[left_out])
-                    for pose, left_out in zip(poses, wild, strict=True)
-                ]
-                observations = self._observations(poses)
+        poses, trajectory = self._without_wild(
+            list(poses), trajectory, clock, lambda share: progress(0.5 + 0.5 * share)
+        )
         progress(1.0)
-        return self._calm(self._fitted(poses, trajectory, clock, observations), clock)
+        return self._calm(self._fitted(poses, trajectory, clock, self._observations(poses)), clock)
+
+    def _without_wild(
+        self, poses: list[PerformerPose], trajectory: _Trajectory, clock: Clock, progress: Callable[[float], None]
+    ) -> tuple[list[PerformerPose], _Trajectory]:
+        """Return poses and trajectory without wild markers.
+
+        The body may have followed wild markers, and then true ones seem wild. Around suspected ones it is solved again,
+        in both directions, without any of them, and decides.
+        """
+        suspected = self._off_body(poses, trajectory, clock, judged=False)
+        texts, parts = np.array(self._solver.subject.subject.marker_set.texts), _around(suspected, clock.fps)
+        for number, part in enumerate(parts):
+
+            def report(share: float, number: int = number) -> None:
+                progress((number + share) / len(parts))
+
+            left = [_without(*of) for of in zip(poses[part], suspected[part], strict=True)]
+            other, own_clock = self._solved_again(left, report), _clock(left)
+            wild = suspected[part] & self._off_body(poses[part], other, own_clock, judged=True)
+            if wild.any():
+                trajectory = trajectory.with_part(part, other)
+                poses[part] = [
+                    _noted(_without(pose, left_out), texts[left_out])
+                    for pose, left_out in zip(poses[part], wild, strict=True)
+                ]
+        return poses, trajectory
+
+    def _solved_again(self, poses: Sequence[PerformerPose], progress: Callable[[float], None]) -> _Trajectory:
+        """Return poses solved in both directions, without the live solution."""
+        observations = self._observations(poses)
+        forward = _trajectory(self._solver, poses, observations, lambda share: progress(0.5 * share), 1)
+        backward = _trajectory(self._backward, poses, observations, lambda share: progress(0.5 + 0.5 * share), -1)
+        return _blended((forward, backward), _clock(poses).mean_fps)
 
     def _observations(self, poses: Sequence[PerformerPose]) -> list[Observation]:
         """Return the markers of poses, smoothed in both directions of time."""
@@ -247,6 +277,18 @@ def _stretches(poses: Sequence[PerformerPose]) -> list[tuple[int, int]]:
     return found
 
 
+def _around(suspected: Mask, fps: float) -> list[slice]:
+    """Return the parts of a stretch that are near any of its suspected markers (F, M)."""
+    near, beside = np.zeros(len(suspected), dtype=bool), round(_AGAIN_S * fps)
+    for frame in np.flatnonzero(suspected.any(axis=1)):
+        near[max(frame - beside, 0) : frame + beside + 1] = True
+    return [slice(start, stop) for start, stop in runs(near)]
+
+
+def _clock(poses: Sequence[PerformerPose]) -> Clock:
+    return clock_of(np.array([pose.time_s for pose in poses]))
+
+
 def _started(poses: Sequence[PerformerPose]) -> list[PerformerPose]:
     """Return the poses with the first solved one also in the frames before it, instead of the T pose."""
     first = next((index for index, pose in enumerate(poses) if _is_solved(pose)), 0)
@@ -298,24 +340,28 @@ def _trajectory(
         for errors in (live.errors_deg, live.joint_errors_deg)
     )
     trajectory = _Trajectory(live.rotations.copy(), live.root_positions_m.copy(), *unsolved)
-    order = range(len(poses))[::way]
+    order, done = range(len(poses))[::way], 0
     state = replace(solver.initial_state, markers_m=poses[order[0]].markers_m)
     seen = [(observation, pose.markers_m) for observation, pose in zip(observations, poses, strict=True)]
     times_s = np.array([pose.time_s for pose in poses])
     learned: dict[int, PriorEstimate | None] = {}  # learned priors of the frames to come
-    for done, index in enumerate(order):
-        if done % REPORT_EVERY == 0:
-            progress(done / len(poses))
+    found: dict[int, Solution] = {}
+    while done < len(order):
+        progress(done / len(poses))
+        index = order[done]
         if index not in learned:
             # priors are computed forwards in time, because the network was trained on forward motion
             first, stop = sorted((index, index + way * (_TOGETHER - 1)))
             first, stop = max(first, 0), min(stop + 1, len(poses))
             earliest = int(np.searchsorted(times_s, times_s[first] - 2.0 * solver.best.longest_s))
-            found = solver.best.learned_priors(seen[earliest:stop], times_s[earliest:stop])[first - earliest :]
-            learned = dict(zip(range(first, stop), found, strict=True))
-        solution, state = solver.step(state, observations[index], way * poses[index].time_s, learned=learned[index])
-        if solution is None:
-            continue
+            priors = solver.best.learned_priors(seen[earliest:stop], times_s[earliest:stop])[first - earliest :]
+            learned = dict(zip(range(first, stop), priors, strict=True))
+        coming = [each for each in order[done : done + _FOLLOWED] if each in learned]
+        frames = [Frame(observations[each], way * float(times_s[each]), learned[each]) for each in coming]
+        solutions, state = solver.follow(state, frames)
+        done += len(solutions)
+        found |= {each: solution for each, solution in zip(coming, solutions, strict=False) if solution is not None}
+    for index, solution in found.items():
         trajectory.rotations[index] = solver.subject.rotations(solution.pose, solution.root)
         trajectory.root_positions_m[index] = solution.root.position_m
         joints_deg = part_errors.expected_joints_deg(solution)  # known, as only "best" solves in both directions

@@ -81,7 +81,7 @@ class BestModel:
         return Packed(*bodies, self.floor, self.change, self.limits, self.is_known, *map(float, numbers))
 
 
-_CONSTANTS = Packed(
+CONSTANTS = Packed(
     WIDTH, float(TINY), gaussian_conditioning.EXPECTED_SIGMA_M, _VAGUE, _MOST_INFLATION, _USUAL_DEVIATION,
     _JOINT_INFLATION_SHARE, _LEAST_OFF, _ALONE, *gaussian_conditioning.FIT_SETTINGS, FIT_STEPS,
 )  # fmt: skip
@@ -110,8 +110,8 @@ def _compiled(model: BestModel, problem: FrameProblem, learned: PriorEstimate | 
     pose, fitted, uncertainty = np.empty(size), np.empty(7), np.empty(size // 3)
     numbers, steps = np.empty(2), np.empty(1, dtype=np.int64)
     found: tuple[NDArray[Any], ...] = mean, covariance, prior_root, pose, fitted, uncertainty, numbers, steps
-    memory = map(address, (*_work(model, count, rows, size), *found))
-    checked(_ESTIMATE(model.packed.address, _CONSTANTS.address, frame.address, *memory))
+    memory = map(address, (*work_for(model, count, rows, size), *found))
+    checked(_ESTIMATE(model.packed.address, CONSTANTS.address, frame.address, *memory))
     root_sigma = (float(prior_root[7]), float(prior_root[8]))
     root = RootPose(prior_root[:4], prior_root[4:7])
     expectation = Expectation(Prior(mean, covariance), problem.observation, root, root_sigma, model.limits)
@@ -120,8 +120,8 @@ def _compiled(model: BestModel, problem: FrameProblem, learned: PriorEstimate | 
     return Estimate(*fit, count, 0, int(steps[0]), expectation, uncertainty, inflation > 1.0, tilt_rad)
 
 
-def _work(model: BestModel, count: int, rows: int, size: int) -> tuple[NDArray[Any], NDArray[Any]]:
-    """Return memory for the kernel: double and single precision."""
+def work_for(model: BestModel, count: int, rows: int, size: int) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Return memory for the kernel, for `count` examples and `rows` controls: double and single precision."""
     whole, markers, width, most = len(model.floor), 3 * len(model.subject.joints), 6 + size, rows + size
     of_history = 2 * (whole - size) + count * len(model.earlier_markers.lags_s) + whole
     of_prior = of_history + count + (whole + 1) * (whole + 4)

@@ -35,6 +35,7 @@ class BestMethod:
 
     Attributes:
         earlier_markers: Earlier markers of the database's frames.
+        model: What is known of frames with located markers.
     """
 
     fits_markers = True
@@ -81,7 +82,12 @@ class BestMethod:
             return BestModel(self._subject, is_known, own, share, *earlier, floor, change, self._limits)
 
         self._model_without_depth = model(settings, False)
-        self._model = model(settings.for_known_body(), True) if self._known else self._model_without_depth
+        self.model = model(settings.for_known_body(), True) if self._known else self._model_without_depth
+
+    @property
+    def learns(self) -> bool:
+        """Whether there is a learned prior."""
+        return self._learned is not None
 
     def backwards(self) -> "BestMethod":
         """Return a time-reversed copy."""
@@ -109,7 +115,7 @@ class BestMethod:
     def fit_about(self, poses: Array, roots: RootPose, observations: Sequence[Observation]) -> tuple[Array, RootPose]:
         """Fit poses (F, D) and their roots to the markers, starting from the given values."""
         # the smaller covariance is used for known bodies, too, because the given trajectories are already good
-        settings, covariance, limits = self._model.settings, self._model_without_depth.change, self._limits
+        settings, covariance, limits = self.model.settings, self._model_without_depth.change, self._limits
         root_sigma, sigma_m = (settings.root_sigma_m, settings.root_sigma_rad), settings.marker_sigma_m
         fitted, rotations, places = poses.copy(), roots.rotation.copy(), roots.position_m.copy()
         for index, observation in enumerate(observations):
@@ -125,7 +131,7 @@ class BestMethod:
         """Return the pose and the root that fit the markers under the prior."""
         # with rays only, the depth of a known body is a guess, so the settings for other bodies are used
         state, seen = problem.state, problem.observation
-        model = self._model if seen.located.any() else self._model_without_depth
+        model = self.model if seen.located.any() else self._model_without_depth
         learned = state.learned
         if self._learned and learned is None:
             if state.markers_m is not None:

@@ -1,6 +1,6 @@
 """Pose solver: from labelled markers to poses, frame by frame."""
 
-import math
+from collections.abc import Sequence
 from copy import copy
 from dataclasses import replace
 
@@ -9,11 +9,11 @@ import numpy as np
 from ..body.pose_notes import NoteKind
 from ..database.store import Database, check_arrays
 from ..errors import DatabaseError
-from ..geometry.arrays import Array
 from ..markers.source_noise import noise_of
 from ..system.blas_threads import use_one_blas_thread
 from .best_method import BestMethod
 from .database_markers import database_markers
+from .following import Follower, Frame, follow, misleads, remembering, rms, solved
 from .lagged_history import LaggedHistory
 from .locator import Located, Locator
 from .method import FrameProblem, Method
@@ -26,8 +26,6 @@ from .solution import Solution, SolverState
 from .subject_model import SubjectModel
 from .trajectory_check import INTERVAL_S, PROVEN, TrajectoryCheck
 
-_JUMP_M = 0.07  # RMS movement of the markers between two frames above which history may mislead
-_CUT_M = 0.3  # RMS movement above which history is of another motion, because nobody moves all limbs so fast
 _RETRY_S = 0.04  # pause after a failed re-initialisation
 _NEARER = 0.6  # distance to the closest example, relative to the current pose's, below which a new pose replaces it
 
@@ -120,15 +118,50 @@ class PoseSolver:
         else:
             before = state
             solution, state = self._advance(before, observation)
-            if solution is not None and (reason := self._reason_to_reinitialise(before, observation, solution)):
-                solution, state = self.reinitialise(before, observation, solution, state, reason)
-            elif solution is not None and self._trajectory_check and state.time_s - state.compared_s >= INTERVAL_S:
-                solution, state = self._check_trajectory(self._trajectory_check, before, observation, solution, state)
-        observed = state.observed.remember(state.time_s, self._in_space(state, observation).points_m)
-        if solution is None:
-            return None, replace(state, observed=observed)
-        solved = state.solved.remember(state.time_s, solution.pose.ravel())
-        return solution, replace(state, observed=observed, solved=solved)
+            if solution is not None:
+                solution, state = self._settled(before, observation, solution, state)
+        return solution, remembering(state, self._in_space(state, observation), solution)
+
+    def follow(self, state: SolverState, frames: Sequence[Frame]) -> tuple[list[Solution | None], SolverState]:
+        """Return the poses of the next frames, as many as can be solved together, and the state after them.
+
+        They are the same as those of `step`, frame by frame; this needs the method "best".
+
+        Args:
+            frames: At least one, with learned priors if they are known.
+        """
+        together = self._together(state, frames)
+        if together < 2:
+            solution, state = self.step(state, *frames[0][:2], learned=frames[0].learned)
+            return [solution], state
+        waits = (frame.time_s - state.reinitialise_failed_s < _RETRY_S for frame in frames)
+        model = Follower(self._locator, self.best.model, self._lasting_errors)
+        solutions, after, before = follow(model, state, frames[:together], sum(waits))
+        observation = frames[len(solutions) - 1].observation
+        last, after = self._settled(before, observation, solutions[-1], after)
+        return [*solutions[:-1], last], remembering(after, observation, last)
+
+    def _together(self, state: SolverState, frames: Sequence[Frame]) -> int:
+        """Return how many frames can be solved together: until a comparison is due, while the torso shows the root."""
+        if state.pose is None or state.root is None or state.markers_m is None:
+            return 0
+        for number, (observation, time_s, learned) in enumerate(frames):
+            torso = np.count_nonzero(self.subject.torso & observation.located)
+            if torso < 3 or observation.guessed.any() or (learned is None) == self.best.learns:
+                return number
+            if time_s - state.compared_s >= INTERVAL_S:
+                return number + 1
+        return len(frames)
+
+    def _settled(
+        self, before: SolverState, observation: Observation, solution: Solution, state: SolverState
+    ) -> tuple[Solution, SolverState]:
+        """Return a pose, or another one if history has misled it, and the state after it."""
+        if reason := self._reason_to_reinitialise(before, observation, solution):
+            return self.reinitialise(before, observation, solution, state, reason)
+        if self._trajectory_check and state.time_s - state.compared_s >= INTERVAL_S:
+            return self._check_trajectory(self._trajectory_check, before, observation, solution, state)
+        return solution, state
 
     def reinitialise(
         self, state: SolverState, observation: Observation, solution: Solution, after: SolverState, reason: NoteKind
@@ -144,7 +177,7 @@ class PoseSolver:
         """
         fresh = replace(self.initial_state, root=state.root, time_s=state.time_s, learned=state.learned)
         seen = observation.located
-        away_m = max(solution.nearest_m, _rms(solution.markers_m[seen] - observation.points_m[seen]))
+        away_m = max(solution.nearest_m, rms(solution.markers_m[seen] - observation.points_m[seen]))
         nearer = 1.0 if reason is NoteKind.CUT else _NEARER
         found, first = self._begin(fresh, observation, True, nearer * away_m)
         if found is not None:
@@ -192,20 +225,11 @@ class PoseSolver:
         self, state: SolverState, observation: Observation, solution: Solution
     ) -> NoteKind | None:
         """Return why history may mislead, or None if there is no sign that it does."""
-        waits = state.time_s - state.reinitialise_failed_s < _RETRY_S
-        if state.root is None or state.markers_m is None or waits or not self._method.fits_markers:
+        if state.time_s - state.reinitialise_failed_s < _RETRY_S or not self._method.fits_markers:
             return None  # methods that do not fit markers are always as far from the markers as the example
         if observation.guessed.any():
             observation = self._in_space(state, observation)
-        seen = observation.located
-        before_m = state.root.to_root_frame(state.markers_m[seen])
-        jump_m = _rms(solution.root.to_root_frame(observation.points_m[seen]) - before_m)
-        if jump_m > _CUT_M:
-            return NoteKind.CUT
-        if self._lasting_errors:  # these jump by more than history misleads
-            return None
-        unexplained = _rms(solution.markers_m[seen] - observation.points_m[seen]) > solution.nearest_m
-        return NoteKind.NEARER_EXAMPLE if jump_m > _JUMP_M or unexplained else None
+        return misleads(state, observation, solution, self._lasting_errors)
 
     def _in_space(self, state: SolverState, observation: Observation) -> Observation:
         return observation.with_torso_in_space(self.subject.torso, state.markers_m)
@@ -216,32 +240,5 @@ class PoseSolver:
 
     def _estimate(self, state: SolverState, observation: Observation, located: Located) -> tuple[Solution, SolverState]:
         """Return the pose for a root and examples, and the state after it."""
-        estimate = self._method.estimate(FrameProblem(state, observation, located.root, located.examples))
-        pose = estimate.pose.reshape(-1, 3)
-        markers = self.subject.markers(pose, estimate.root)
-        size = (estimate.neighbours, estimate.dimensions)
-        solution = Solution(
-            pose,
-            estimate.root,
-            markers,
-            *size,
-            located.nearest_m,
-            estimate.iterations,
-            estimate.uncertainty_rad,
-            estimate.tilt_rad,
-            prior_led=estimate.prior_led,
-        )
-        return solution, replace(
-            state,
-            root=estimate.root,
-            markers_m=markers,
-            pose=estimate.pose,
-            previous_pose=state.pose,
-            found=located.found,
-            expectation=estimate.expectation,
-        )
-
-
-def _rms(differences_m: Array) -> float:
-    """Return the RMS length of differences (N, 3), 0 for none."""
-    return math.sqrt(float(np.vdot(differences_m, differences_m)) / max(len(differences_m), 1))
+        problem = FrameProblem(state, observation, located.root, located.examples)
+        return solved(self.subject, state, located, self._method.estimate(problem))

@@ -157,7 +157,7 @@ def test_estimate(solver, state, true_markers, stage_rig, seed, is_known, withou
         recent = solver.best._learned.recent(observation, state.observed, state.time_s)
         learned = solver.best._learned.estimate(recent, located.root)
     problem = FrameProblem(before, observation, located.root, located.examples)
-    model = replace(solver.best._model, is_known=is_known)
+    model = replace(solver.best.model, is_known=is_known)
     given = None if without == "learned prior" else learned
     expected, found = both(lambda: best_estimate(model, problem, given))
     for name in ("pose", "uncertainty_rad"):
@@ -195,7 +195,7 @@ def test_an_estimate_from_what_is_not_finite(solver, state, true_markers, specia
         learned = replace(learned, pose=type(learned.pose)(mean, covariance))
     observation = Observation.of_points(true_markers[SOLVED], np.full(8, 0.002))
     problem = FrameProblem(before, observation, located.root, examples)
-    expected, found = both(lambda: best_estimate(solver.best._model, problem, learned))
+    expected, found = both(lambda: best_estimate(solver.best.model, problem, learned))
     if expected is not None and found is not None and np.isfinite(expected.pose).all():
         assert np.isfinite(found.pose).all()
 
@@ -207,4 +207,4 @@ def test_an_example_outside_the_database_is_refused(solver, state, true_markers)
     frames[3] = len(solver._locator._poses)
     problem = FrameProblem(state, observation, located.root, replace(located.examples, frames=frames))
     with pytest.raises(IndexError, match="outside"):
-        best_estimate(solver.best._model, problem, None)
+        best_estimate(solver.best.model, problem, None)

@@ -14,7 +14,7 @@
 #define EXPORT __attribute__((visibility("default")))
 #endif
 
-#define VERSION 5 /* the same number stands in core/kernel/library.py */
+#define VERSION 6 /* the same number stands in core/kernel/library.py */
 
 EXPORT int32_t pf_version(void);
 int32_t pf_version(void) { return VERSION; }

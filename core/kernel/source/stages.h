@@ -17,3 +17,5 @@
 
 #include "estimate.h"
 #include "network.h"
+
+#include "follow.h"
