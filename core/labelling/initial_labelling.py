@@ -12,6 +12,7 @@ import numpy as np
 
 from ..geometry.arrays import Array, FloatArray, IntArray, Mask
 from ..markers.marker_set import FEWEST_TORSO
+from .limb_choices import ChoiceLimits, cheapest_choices
 from .torso_candidates import TORSO, Search, TorsoCandidates
 
 REACH_M = 0.30  # distance from a marker of the closest example up to which a point may be that marker
@@ -195,7 +196,8 @@ class InitialLabeller:
             row[placement.torso[placement.torso >= 0]] = False
         candidates = self._limb_candidates(local, is_free)
         turns = np.stack([placement.turn for placement in placements])
-        choices, costs = _cheapest(self._pair_costs(local, candidates, turns), candidates)
+        limits = ChoiceLimits(_S.labellings, _S.best, _S.missed_limb_cost + _S.ghost_cost)
+        choices, costs = cheapest_choices(self._pair_costs(local, candidates, turns), candidates, limits)
         # the additional last label is for hidden markers (index -1) and is cut off
         labels = np.full((*costs.shape, len(points_m) + 1), -1)
         torsos = np.stack([placement.torso for placement in placements])
@@ -235,7 +237,7 @@ class InitialLabeller:
         return result
 
     def _pair_costs(self, local: FloatArray, candidates: IntArray, turns: Array) -> FloatArray:
-        """Return the `pairs` for `_cheapest` from points (P, N, 3) in the placements' frames."""
+        """Return the `pairs` for `cheapest_choices` from points (P, N, 3) in the placements' frames."""
         placements, limbs, count = candidates.shape
         likelihoods = np.ones((placements, limbs, count + 1, len(self._examples)), dtype=np.float32)
         own = local[np.arange(placements)[:, None, None], candidates]
@@ -268,35 +270,6 @@ def _likelihoods(places: FloatArray, norms: FloatArray, points: FloatArray) -> F
     far *= far
     far *= far
     return np.asarray(far)
-
-
-def _cheapest(pairs: FloatArray, candidates: IntArray) -> tuple[IntArray, Array]:
-    """Return the K cheapest choices (P, K, L) of points for limb markers, -1 for none, and their costs (P, K).
-
-    Args:
-        pairs: Costs (P, L, C + 1, L, C + 1) of two limb markers at two of their candidates; the last candidate means
-            that the marker is hidden.
-        candidates: Points (P, L, C) of each placement, padded with -1.
-    """
-    placements, limbs, none = candidates.shape
-    every = np.arange(placements)[:, None, None]
-    chosen, rows = np.empty((2, placements, 1, 0), dtype=np.int64)
-    costs = np.zeros((placements, 1))
-    for limb in range(limbs):
-        own = np.column_stack((candidates[:, limb], np.full(placements, -1)))
-        cost = costs[:, :, None] + pairs[every, np.arange(limb), chosen, limb].sum(axis=2) / max(limbs - 1, 1)
-        # a hidden limb marker also leaves a point unlabelled
-        cost[:, :, none] += _S.missed_limb_cost + _S.ghost_cost
-        taken = np.any(rows[:, :, None] == own[:, None, :, None], axis=3) | (own < 0)[:, None]
-        cost[:, :, :none][taken[:, :, :none]] = np.inf
-        flat = cost.reshape(placements, -1)
-        best = np.argsort(flat, axis=1, kind="stable")[:, : _S.labellings]
-        parent, column = best // (none + 1), best % (none + 1)
-        chosen = np.concatenate((chosen[every[..., 0], parent], column[..., None]), axis=2)
-        rows = np.concatenate((rows[every[..., 0], parent], own[every[..., 0], column][..., None]), axis=2)
-        costs = np.take_along_axis(flat, best, axis=1)
-    rows, costs = rows[:, : _S.best], costs[:, : _S.best]
-    return rows, costs - (_S.missed_limb_cost + _S.ghost_cost) * np.sum(rows < 0, axis=2)
 
 
 def _fit_torsos(torso_m: Array, points_m: Array, chosen: IntArray) -> tuple[Array, Array, Array]:

@@ -13,6 +13,8 @@
 #include "slew.h"
 
 #include "locate.h"
+
+#include "choices.h"
 #include "noise.h"
 
 #include "estimate.h"
