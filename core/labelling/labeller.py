@@ -232,13 +232,12 @@ def _assign_in_order(costs: Array, first: Mask | None) -> tuple[IntArray, IntArr
     """
     if first is None or first.all():
         return assign(costs)
-    chosen = np.flatnonzero(first)
-    rows, columns = assign(costs[:, chosen])
-    columns = chosen[columns]
-    left = np.setdiff1d(np.arange(costs.shape[0]), rows)
-    others = np.setdiff1d(np.arange(costs.shape[1]), columns)
-    further_rows, further_columns = assign(costs[np.ix_(left, others)])
-    return np.concatenate((rows, left[further_rows])), np.concatenate((columns, others[further_columns]))
+    rows, columns = assign(np.where(first, costs, np.inf))
+    left = costs.copy()
+    left[rows] = np.inf
+    left[:, columns] = np.inf
+    further_rows, further_columns = assign(left)
+    return np.concatenate((rows, further_rows)), np.concatenate((columns, further_columns))
 
 
 def _join_cameras(
