@@ -26,8 +26,8 @@ from .recorded_frames import relabel
 from .session import Session
 from .solved_take import SolvedTake
 from .steady_motion import motion_of, pose_clock, steady_motion
-from .two_way_solve import REPORT_EVERY
 
+_REPORT_EVERY = 30  # frames between two reports of progress
 _LIVE_SHARE = 0.7  # share of the progress of `solve_frames` reserved for the live solve
 _LABELS_SHARE = 0.25  # share of the whole progress reserved for labels, before the solve in both directions
 
@@ -146,7 +146,7 @@ def solve_frames(
     poses: list[ScenePose] = []
     seconds, begun = [], []
     for i, frame in enumerate(frames):
-        if i % REPORT_EVERY == 0:
+        if i % _REPORT_EVERY == 0:
             progress(_LIVE_SHARE * i / len(frames), activity)
         start, before = time.perf_counter(), session.labellings
         poses.append(session.step(frame, check_labels))

@@ -9,68 +9,38 @@ fitted to the smoothed markers, whose gaps are filled by means of the average, a
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..body.body_parts import PART_JOINTS, PARTS
 from ..body.clock import PAUSE_S, Clock, clock_of
 from ..body.motion import Motion
 from ..body.pose_notes import NoteKind, PoseNote
 from ..body.scene_pose import PerformerPose
 from ..body.skeleton import forward_kinematics
-from ..body.window_filters import gaussian
 from ..database.store import pose_from_rotations
 from ..formats.markers.recorded_take import take_of_poses
-from ..geometry import rotations as rot
 from ..geometry.arrays import Array, Mask, runs
 from ..geometry.camera import Camera
 from ..markers.filtering import smooth_poses
 from ..markers.gap_filling import fill_gaps
 from ..markers.marker_smoothing import smooth_markers
 from ..markers.source_noise import SourceNoise, noise_of
-from ..solver.following import Frame
-from ..solver.motion_prior import PriorEstimate
 from ..solver.observation import Observation
 from ..solver.pose_solver import PoseSolver
-from ..solver.solution import Solution
 from ..solver.subject_model import RootPose
 from .leaving_markers import leaves_body
-from .part_errors import PartErrors
+from .trajectories import TOGETHER, Trajectory, blended, live_trajectory, solved_trajectory
 
 _SHORTEST = 12  # length of the shortest stretch that is solved again, frames
 _CUT_M_S = 9.0  # median speed of the markers above which there is a cut: bodies are slower
-_WEIGHT_POWER = 4.0  # power of the expected error by which a trajectory's weight is divided
-_WEIGHT_S = 0.25  # standard deviation of the Gaussian window in which these errors are averaged
-_UNKNOWN_DEG = 90.0  # error assumed for parts whose error is unknown
 _SMOOTH_HZ = 8.0  # cut-off for the averaged trajectories
 # Highest cut-off for the fitted poses, which still contain marker noise, as a share of the frame rate.
 _CALM_SHARE = 0.27
 _CALM_STEP_HZ = 0.25  # step between the cut-offs that are tried
-REPORT_EVERY = 30  # frames between two reports of progress
 _AGAIN_S = 1.0  # time before and after a suspected marker for which a stretch is solved again: its history is forgotten
-_FOLLOWED = 16  # number of frames that are given to the solver at once
-_TOGETHER = 128  # number of frames for which priors or fits are computed at once
-_TORSO = list(PARTS).index("torso")  # index of the part that contains the root
-
-
-@dataclass(frozen=True)
-class _Trajectory:
-    """One solution of a stretch of F frames."""
-
-    rotations: Array  # (F, J, 4)
-    root_positions_m: Array  # (F, 3)
-    errors_deg: Array  # (F, P) expected errors of parts
-    joint_errors_deg: Array  # (F, J - 1) expected errors of joints
-
-    def with_part(self, part: slice, other: "_Trajectory") -> "_Trajectory":
-        """Return the solution with another one of some frames."""
-        found = [getattr(self, each.name).copy() for each in fields(self)]
-        for values, each in zip(found, fields(self), strict=True):
-            values[part] = getattr(other, each.name)
-        return _Trajectory(*found)
 
 
 class TwoWaySolver:
@@ -97,18 +67,18 @@ class TwoWaySolver:
     def _solve(self, poses: Sequence[PerformerPose], progress: Callable[[float], None]) -> list[PerformerPose]:
         clock = _clock(poses)
         observations = self._observations(poses)
-        backward = _trajectory(self._backward, poses, observations, lambda share: progress(0.5 * share), -1)
-        trajectory = _blended((_live_trajectory(poses), backward), clock.mean_fps)
-        poses, trajectory = self._without_wild(
-            list(poses), trajectory, clock, lambda share: progress(0.5 + 0.5 * share)
-        )
+        backward = solved_trajectory(self._backward, poses, observations, lambda share: progress(0.5 * share), -1)
+        trajectory = blended((live_trajectory(poses), backward), clock.mean_fps)
+        kept, trajectory = self._without_wild(poses, trajectory, clock, lambda share: progress(0.5 + 0.5 * share))
+        if kept is not poses:
+            observations = self._observations(kept)
         progress(1.0)
-        return self._calm(self._fitted(poses, trajectory, clock, self._observations(poses)), clock)
+        return self._calm(self._fitted(kept, trajectory, clock, observations), clock)
 
     def _without_wild(
-        self, poses: list[PerformerPose], trajectory: _Trajectory, clock: Clock, progress: Callable[[float], None]
-    ) -> tuple[list[PerformerPose], _Trajectory]:
-        """Return poses and trajectory without wild markers.
+        self, poses: Sequence[PerformerPose], trajectory: Trajectory, clock: Clock, progress: Callable[[float], None]
+    ) -> tuple[Sequence[PerformerPose], Trajectory]:
+        """Return poses and trajectory without wild markers; both as they are if there is none.
 
         The body may have followed wild markers, and then true ones seem wild. Around suspected ones it is solved again,
         in both directions, without any of them, and decides.
@@ -125,24 +95,25 @@ class TwoWaySolver:
             wild = suspected[part] & self._off_body(poses[part], other, own_clock, judged=True)
             if wild.any():
                 trajectory = trajectory.with_part(part, other)
-                poses[part] = [
+                left = [
                     _noted(_without(pose, left_out), texts[left_out])
                     for pose, left_out in zip(poses[part], wild, strict=True)
                 ]
+                poses = [*poses[: part.start], *left, *poses[part.stop :]]
         return poses, trajectory
 
-    def _solved_again(self, poses: Sequence[PerformerPose], progress: Callable[[float], None]) -> _Trajectory:
+    def _solved_again(self, poses: Sequence[PerformerPose], progress: Callable[[float], None]) -> Trajectory:
         """Return poses solved in both directions, without the live solution."""
         observations = self._observations(poses)
-        forward = _trajectory(self._solver, poses, observations, lambda share: progress(0.5 * share), 1)
-        backward = _trajectory(self._backward, poses, observations, lambda share: progress(0.5 + 0.5 * share), -1)
-        return _blended((forward, backward), _clock(poses).mean_fps)
+        forward = solved_trajectory(self._solver, poses, observations, lambda share: progress(0.5 * share), 1)
+        backward = solved_trajectory(self._backward, poses, observations, lambda share: progress(0.5 + 0.5 * share), -1)
+        return blended((forward, backward), _clock(poses).mean_fps)
 
     def _observations(self, poses: Sequence[PerformerPose]) -> list[Observation]:
         """Return the markers of poses, smoothed in both directions of time."""
         return _smoothed(poses, [self._observation(pose) for pose in poses], self._source)
 
-    def _off_body(self, poses: Sequence[PerformerPose], trajectory: _Trajectory, clock: Clock, judged: bool) -> Mask:
+    def _off_body(self, poses: Sequence[PerformerPose], trajectory: Trajectory, clock: Clock, judged: bool) -> Mask:
         """Return a mask (F, M) of the markers that leave their places on a moving body for a moment."""
         motion = self._low_passed(trajectory.rotations, trajectory.root_positions_m, clock, _SMOOTH_HZ)
         model = self._solver.subject
@@ -158,7 +129,7 @@ class TwoWaySolver:
         return Observation(pose.observed_m, pose.single_cameras, pose.single_points, self._cameras)
 
     def _fitted(
-        self, poses: Sequence[PerformerPose], trajectory: _Trajectory, clock: Clock, observations: Sequence[Observation]
+        self, poses: Sequence[PerformerPose], trajectory: Trajectory, clock: Clock, observations: Sequence[Observation]
     ) -> list[PerformerPose]:
         """Return poses fitted to the markers, starting from the trajectory, which also fills the markers' gaps."""
         model = self._solver.subject
@@ -172,8 +143,8 @@ class TwoWaySolver:
             for each, points_m in zip(observations, filled, strict=True)
         ]
         fitted: list[PerformerPose] = []
-        for first in range(0, len(poses), _TOGETHER):
-            part = slice(first, first + _TOGETHER)
+        for first in range(0, len(poses), TOGETHER):
+            part = slice(first, first + TOGETHER)
             starts = pose_from_rotations(motion.rotations[part], model.mean_rotations)
             roots = RootPose(motion.rotations[part, 0], motion.root_positions_m[part])
             vectors, roots = self._solver.best.fit_about(starts.reshape(len(starts), -1), roots, observed[part])
@@ -306,93 +277,3 @@ def _begins(before: PerformerPose, pose: PerformerPose) -> bool:
     moved_m = moved_m[np.isfinite(moved_m)]
     is_cut = len(moved_m) > 0 and float(np.median(moved_m)) > _CUT_M_S * passed_s
     return bool(not 0.0 < passed_s < PAUSE_S or is_cut)
-
-
-def _live_trajectory(poses: Sequence[PerformerPose]) -> _Trajectory:
-    """Return the live solution of a stretch."""
-    return _Trajectory(
-        np.array([pose.rotations for pose in poses]),
-        np.array([pose.root_position_m for pose in poses]),
-        np.array([_known(pose.part_errors_deg, len(PARTS)) for pose in poses]),
-        np.array([_known(pose.joint_errors_deg, len(pose.rotations) - 1) for pose in poses]),
-    )
-
-
-def _trajectory(
-    solver: PoseSolver,
-    poses: Sequence[PerformerPose],
-    observations: Sequence[Observation],
-    progress: Callable[[float], None],
-    way: int,
-) -> _Trajectory:
-    """Return a stretch solved in one direction of time.
-
-    Where it cannot be solved, it has the live poses, forwards with their errors, backwards with infinite ones.
-
-    Args:
-        solver: Solver for that direction.
-        poses: Live poses, which give the starting position and replace poses that are not solved.
-        way: 1 for forwards, -1 for backwards.
-    """
-    live, part_errors = _live_trajectory(poses), PartErrors(solver.subject)
-    unsolved = (
-        errors.copy() if way > 0 else np.full_like(errors, np.inf)
-        for errors in (live.errors_deg, live.joint_errors_deg)
-    )
-    trajectory = _Trajectory(live.rotations.copy(), live.root_positions_m.copy(), *unsolved)
-    order, done = range(len(poses))[::way], 0
-    state = replace(solver.initial_state, markers_m=poses[order[0]].markers_m)
-    seen = [(observation, pose.markers_m) for observation, pose in zip(observations, poses, strict=True)]
-    times_s = np.array([pose.time_s for pose in poses])
-    learned: dict[int, PriorEstimate | None] = {}  # learned priors of the frames to come
-    found: dict[int, Solution] = {}
-    while done < len(order):
-        progress(done / len(poses))
-        index = order[done]
-        if index not in learned:
-            # priors are computed forwards in time, because the network was trained on forward motion
-            first, stop = sorted((index, index + way * (_TOGETHER - 1)))
-            first, stop = max(first, 0), min(stop + 1, len(poses))
-            earliest = int(np.searchsorted(times_s, times_s[first] - 2.0 * solver.best.longest_s))
-            priors = solver.best.learned_priors(seen[earliest:stop], times_s[earliest:stop])[first - earliest :]
-            learned = dict(zip(range(first, stop), priors, strict=True))
-        coming = [each for each in order[done : done + _FOLLOWED] if each in learned]
-        frames = [Frame(observations[each], way * float(times_s[each]), learned[each]) for each in coming]
-        solutions, state = solver.follow(state, frames)
-        done += len(solutions)
-        found |= {each: solution for each, solution in zip(coming, solutions, strict=False) if solution is not None}
-    for index, solution in found.items():
-        trajectory.rotations[index] = solver.subject.rotations(solution.pose, solution.root)
-        trajectory.root_positions_m[index] = solution.root.position_m
-        joints_deg = part_errors.expected_joints_deg(solution)  # known, as only "best" solves in both directions
-        trajectory.errors_deg[index] = part_errors.expected_deg(joints_deg)
-        trajectory.joint_errors_deg[index] = joints_deg
-    return trajectory
-
-
-def _known(errors_deg: Array, count: int) -> Array:
-    """Return expected errors (count,); large ones if they are unknown."""
-    return errors_deg if len(errors_deg) else np.full(count, _UNKNOWN_DEG)
-
-
-def _blended(trajectories: Sequence[_Trajectory], fps: float) -> _Trajectory:
-    """Return the mean of trajectories; the weight of each part depends on its expected error."""
-    errors = np.array([trajectory.errors_deg for trajectory in trajectories])
-    lasting = gaussian(np.minimum(errors, _UNKNOWN_DEG).swapaxes(0, 1), _WEIGHT_S * fps).swapaxes(0, 1)
-    weights = np.where(np.isfinite(errors), lasting, np.inf) ** -_WEIGHT_POWER
-    weights /= weights.sum(axis=0)
-    first = trajectories[0].rotations
-    rotations = np.zeros_like(first)
-    root_m = np.zeros_like(trajectories[0].root_positions_m)
-    joint_errors = np.zeros_like(trajectories[0].joint_errors_deg)
-    for trajectory, weight in zip(trajectories, weights, strict=True):
-        joints = np.empty(first.shape[:2])
-        joints[:, 0] = weight[:, _TORSO]
-        for part, part_joints in enumerate(PART_JOINTS.values()):
-            joints[:, part_joints] = weight[:, part, None]
-        side = np.where(np.sum(trajectory.rotations * first, axis=-1) < 0.0, -1.0, 1.0)
-        rotations += (joints * side)[..., None] * trajectory.rotations
-        root_m += weight[:, _TORSO, None] * trajectory.root_positions_m
-        joint_errors += joints[:, 1:] * np.minimum(trajectory.joint_errors_deg, _UNKNOWN_DEG)
-    part_errors = np.sum(weights * np.minimum(errors, _UNKNOWN_DEG), axis=0)
-    return _Trajectory(rot.normalize(rotations), root_m, part_errors, joint_errors)

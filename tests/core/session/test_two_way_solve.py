@@ -73,7 +73,8 @@ def test_motion_before_a_cut_does_not_depend_on_what_follows(take, subject, data
 @pytest.mark.long
 def test_learned_prior_of_the_backward_pass_uses_earlier_markers(stepped, monkeypatch):
     """It was learned from motion that goes forwards: nothing runs through its network in reverse."""
-    monkeypatch.setattr("perfanim.core.session.two_way_solve._TOGETHER", 7)
+    for module in ("two_way_solve", "trajectories"):
+        monkeypatch.setattr(f"perfanim.core.session.{module}.TOGETHER", 7)
     (session, poses), batches, estimate_all = stepped, [], MotionPrior.estimate_all
     monkeypatch.setattr(
         MotionPrior,
