@@ -47,7 +47,7 @@ class PoseSolver:
         markers = database_markers(subject, database)
         self._method: Method = choose_method(settings, subject, database, markers)
         search = choose_search(settings.search, database, markers)
-        sample = SampleSearch(markers, np.asarray(database.poses).reshape(database.frames, -1))
+        sample = SampleSearch(markers)
         self._locator = Locator(subject, database, markers, search, sample, self._method, settings.query_alpha)
         self._lasting_errors = noise_of(subject.subject.marker_set.points).lasting_m > 0.0
         self._trajectory_check: TrajectoryCheck | None = None

@@ -52,6 +52,18 @@ static Candidate STAGE(candidate)(double distance, int64_t index) {
   return found;
 }
 
+/* Adds one of the candidates of which the nearest k > 0 are wanted; whenever there are 4 times as many, only these are
+   kept. limit: not a number at first, then the distance from which on no other is added. */
+static inline void STAGE(keep)(Candidate next, int64_t k, Candidate *among, int64_t *count, double *limit) {
+  if (next.distance >= *limit) return;
+  among[(*count)++] = next;
+  if (*count < 4 * k) return;
+  STAGE(select)(among, *count, k);
+  *count = k, *limit = among[0].distance;
+  for (int64_t i = 1; i < k; i++)
+    if (among[i].distance > *limit) *limit = among[i].distance;
+}
+
 /* Asks for what is stored about a frame. */
 static void STAGE(fetch)(const Cells *cells, int64_t frame) {
   const char *row = (const char *)(cells->frames->rows + cells->frames->places[frame] * cells->frames->width);
@@ -127,21 +139,13 @@ static int64_t STAGE(near)(const Cells *cells, const float *target, const float 
     *visited = rows + cells->cells;
     for (int64_t c = 0; c < chosen; c++) found[c] = among[c].index;
   }
-  /* the best frames of the cells: whenever the work is full, only the nearest are kept */
-  int64_t wanted = (cells->compared < rows - 1 ? cells->compared : rows - 1) + 1, is_full = 0;
-  double limit = INFINITY;
+  int64_t wanted = (cells->compared < rows - 1 ? cells->compared : rows - 1) + 1;
+  double limit = NAN;
   for (int64_t c = 0; c < chosen; c++) {
     int64_t row = every ? 0 : cells->starts[found[c]], stop = every ? f->count : cells->starts[found[c] + 1];
-    for (; row < stop; row++) {
-      Candidate next = STAGE(candidate)(STAGE(row_distance)(f->rows + row * width, width, 1.0f, query, shares), row);
-      if (is_full && next.distance >= limit) continue;
-      among[count++] = next;
-      if (count < 4 * wanted) continue;
-      STAGE(select)(among, count, wanted);
-      is_full = 1, count = wanted, limit = among[0].distance;
-      for (int64_t k = 1; k < count; k++)
-        if (among[k].distance > limit) limit = among[k].distance;
-    }
+    for (; row < stop; row++)
+      STAGE(keep)(STAGE(candidate)(STAGE(row_distance)(f->rows + row * width, width, 1.0f, query, shares), row), wanted,
+                  among, &count, &limit);
   }
   STAGE(select)(among, count, wanted);
   int64_t sorted = wanted == f->count || wanted < cells->first ? wanted : cells->first;

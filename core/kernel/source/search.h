@@ -73,6 +73,30 @@ EXPORT int64_t STAGE(frame_distances)(const int16_t *stored, int64_t row_count, 
   return 0;
 }
 
+/* Asks for the markers of a frame and the rotation of its root. */
+static void STAGE(fetch_earlier)(const int16_t *stored, int64_t width, const int32_t *places, const int16_t *matrices,
+                                 int64_t frame) {
+  __builtin_prefetch(stored + places[frame] * width);
+  __builtin_prefetch(stored + places[frame] * width + 32);
+  __builtin_prefetch(matrices + 9 * frame);
+}
+
+/* out (M, 3): markers of the stored row of a frame in the axes of the root of another, `now`. */
+static void STAGE(markers_before)(const int16_t *row, float unit, int64_t marker_count, const int16_t *matrices,
+                                  float matrix_unit, const float *positions, int64_t then, int64_t now, float *out) {
+  float away[9], back[9], shift[3];
+  for (int i = 0; i < 9; i++) back[i] = (float)matrices[9 * now + i] * matrix_unit;
+  for (int i = 0; i < 9; i++) away[i] = (float)matrices[9 * then + i] * matrix_unit;
+  for (int i = 0; i < 3; i++) shift[i] = positions[3 * then + i] - positions[3 * now + i];
+  for (int64_t m = 0; m < marker_count; m++, out += 3) {
+    float p[3], world[3];
+    for (int i = 0; i < 3; i++) p[i] = (float)row[3 * m + i] * unit;
+    for (int i = 0; i < 3; i++)
+      world[i] = (away[3 * i] * p[0] + away[3 * i + 1] * p[1] + away[3 * i + 2] * p[2]) + shift[i];
+    for (int i = 0; i < 3; i++) out[i] = world[0] * back[i] + world[1] * back[3 + i] + world[2] * back[6 + i];
+  }
+}
+
 /* out (K, L, M, 3): markers in earlier frames (K, L), in the axes of the roots of frames (K,).
 
    matrices (F, 9): world-from-root rotations, in units; positions (F, 3): those of the roots. */
@@ -81,31 +105,17 @@ EXPORT int64_t STAGE(earlier_markers)(const int16_t *stored, int64_t row_count, 
                                       const float *positions, const int64_t *frames, const int64_t *earlier,
                                       int64_t chosen, int64_t lags, float *out) {
   for (int64_t k = 0; k < chosen; k++) {
-    int64_t now = frames[k];
-    if (now < 0 || now >= row_count) return 1;
+    if (frames[k] < 0 || frames[k] >= row_count) return 1;
     for (int64_t l = 0; l < lags && k + AHEAD < chosen; l++) {
       int64_t later = earlier[(k + AHEAD) * lags + l];
       if (later < 0 || later >= row_count) return 1;
-      __builtin_prefetch(stored + places[later] * width);
-      __builtin_prefetch(stored + places[later] * width + 32);
-      __builtin_prefetch(matrices + 9 * later);
+      STAGE(fetch_earlier)(stored, width, places, matrices, later);
     }
-    float back[9];
-    for (int i = 0; i < 9; i++) back[i] = (float)matrices[9 * now + i] * matrix_unit;
-    for (int64_t l = 0; l < lags; l++) {
+    for (int64_t l = 0; l < lags; l++, out += 3 * marker_count) {
       int64_t then = earlier[k * lags + l];
       if (then < 0 || then >= row_count) return 1;
-      float away[9], shift[3];
-      for (int i = 0; i < 9; i++) away[i] = (float)matrices[9 * then + i] * matrix_unit;
-      for (int i = 0; i < 3; i++) shift[i] = positions[3 * then + i] - positions[3 * now + i];
-      const int16_t *row = stored + places[then] * width;
-      for (int64_t m = 0; m < marker_count; m++, out += 3) {
-        float p[3], world[3];
-        for (int i = 0; i < 3; i++) p[i] = (float)row[3 * m + i] * unit;
-        for (int i = 0; i < 3; i++)
-          world[i] = (away[3 * i] * p[0] + away[3 * i + 1] * p[1] + away[3 * i + 2] * p[2]) + shift[i];
-        for (int i = 0; i < 3; i++) out[i] = world[0] * back[i] + world[1] * back[3 + i] + world[2] * back[6 + i];
-      }
+      STAGE(markers_before)(stored + places[then] * width, unit, marker_count, matrices, matrix_unit, positions, then,
+                            frames[k], out);
     }
   }
   return 0;

@@ -16,8 +16,10 @@
 
 #include "choices.h"
 #include "noise.h"
+#include "sample.h"
 
 #include "estimate.h"
 #include "network.h"
 
 #include "follow.h"
+#include "trajectory.h"

@@ -31,6 +31,13 @@ typedef struct {
   int64_t scanned, compared, first;   /* frames scanned and compared in full, and those that are sorted */
 } Cells;
 
+/* Every nth frame: core/solver/search/sample.py */
+typedef struct {
+  int64_t count, width, step;         /* frames of the sample, 3 M, n */
+  const int16_t *rows;                /* (count, width) */
+  double unit;                        /* of the coordinates in rows */
+} Sample;
+
 /* Root and examples: core/solver/locator.py */
 typedef struct {
   const Cells *cells;

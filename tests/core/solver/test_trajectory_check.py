@@ -27,7 +27,7 @@ def follow(model: SubjectModel, database: Database, true_markers: np.ndarray) ->
     markers_m = markers.all()
     everything = ExhaustiveSearch(markers_m, poses)
     earlier = LaggedMarkers(database, markers, LaggedFrames(database, LAGS_S))
-    check = TrajectoryCheck(SampleSearch(markers, poses), markers, earlier)
+    check = TrajectoryCheck(SampleSearch(markers), markers, earlier)
 
     def evidence(allowed: np.ndarray) -> list[float]:
         state, result = SolverState(observed=LaggedHistory(LAGS_S[-1])), []
