@@ -1,7 +1,8 @@
 """Search for the root and the closest database examples that fit a frame's markers."""
 
 import math
-from functools import cached_property
+from collections.abc import Callable
+from functools import cached_property, partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,7 +19,7 @@ from .search.exhaustive import Query, Search
 from .search.inverted_file import CellSearch
 from .search.sample import SampleSearch
 from .solution import Examples, SolverState
-from .subject_model import RootPose, SubjectModel
+from .subject_model import ROOT_AT_REST, RootPose, SubjectModel
 
 _ROOT_PASSES = 2  # number of alternations: the root depends on the pose's torso markers, the search on the root
 _FIRST_ROOT_PASSES = 4  # number of alternations at the start, when both are unknown
@@ -84,11 +85,18 @@ class Locator:
         own = self._subject.torso_weights, self._factors, float(self._alpha), float(self._pose_weight)
         return Packed(cells, self._subject.body.packed(), *own, self.examples, _TORSO_EXAMPLES)
 
-    def memory(self, size: int) -> tuple[NDArray[Any], ...]:
+    @cached_property
+    def packed_hurried(self) -> Packed | None:
+        """The same with the sample, for frames that must be located quickly."""
+        wanted = self.examples * _SPARE_CANDIDATES
+        return None if self.packed is None else Packed(self.packed, self._sample.packed, _SAMPLE_PASSES, wanted)
+
+    def memory(self) -> tuple[NDArray[Any], ...]:
         """Return memory for the kernel: numbers of double and single precision, candidates, and frames found."""
-        count, width = self._markers.count, self._markers.rows.shape[1]
-        room = self.search.room(self.examples * _SPARE_CANDIDATES) if isinstance(self.search, CellSearch) else 0
-        numbers = np.empty(13 * count + 3), np.empty(6 * count + 2 * width + size, dtype=np.float32)
+        count, width, wanted = self._markers.count, self._markers.rows.shape[1], self.examples * _SPARE_CANDIDATES
+        room = max(4 * self.examples, wanted + self._sample.step)
+        room = max(room, self.search.room(wanted)) if isinstance(self.search, CellSearch) else room
+        numbers = np.empty(13 * count + 3), np.empty(6 * count + 2 * width + self._poses.shape[1], dtype=np.float32)
         return (*numbers, np.empty((room, 2)), np.empty(room, dtype=np.int64))
 
     def locate(self, state: SolverState, observation: Observation, hurried: bool = False) -> Located | None:
@@ -97,23 +105,26 @@ class Locator:
         Args:
             hurried: Use only the closest frames of the sample and their neighbours in time.
         """
-        if state.root is not None and state.pose is not None and not hurried:
+        if hurried:
+            return _locate_hurried(self, state, observation)
+        if state.root is not None and state.pose is not None:
             return _locate_next(self, state, observation)
-        return self.alternate(state, observation, hurried)
+        return self.alternate(state, observation)
+
+    def expected(self, state: SolverState) -> Array:
+        """Return the markers (M, 3) in the root's frame to which the first root is fitted.
+
+        They are those of the continued pose or, failing that, the expected ones or those of a typical pose.
+        """
+        if state.continued_pose is not None:
+            return self._subject.markers(state.continued_pose.reshape(-1, 3))
+        if state.root is not None and state.markers_m is not None:
+            return state.root.to_root_frame(state.markers_m)
+        return self._typical_markers
 
     def alternate(self, state: SolverState, observation: Observation, hurried: bool = False) -> Located | None:
-        """Return the result of `locate` by searches and fits in turn.
-
-        The first root is fitted with the torso of the continued pose or, failing that, of the expected markers or of a
-        typical pose.
-        """
-        continued = state.continued_pose
-        if continued is not None:
-            local = self._subject.markers(continued.reshape(-1, 3))
-        elif state.root is not None and state.markers_m is not None:
-            local = state.root.to_root_frame(state.markers_m)
-        else:
-            local = self._typical_markers
+        """Return the result of `locate` by searches and fits in turn."""
+        continued, local = state.continued_pose, self.expected(state)
         root, found = state.root, state.found
         is_first = continued is None and not hurried
         frames: IntArray | None = None
@@ -160,32 +171,62 @@ class Locator:
         """Return the query of Eq. 2, with the observed markers in the root's frame."""
         return Query(root.to_root_frame(observation.points_m), continued, self._alpha, self._pose_weight)
 
+    def has_torso(self, observation: Observation) -> bool:
+        """Return whether enough torso markers are located to fit a root without a previous one."""
+        return int(np.count_nonzero(self._subject.torso & observation.located)) >= 3
+
 
 _LOCATE = function("locate", "pppppppppppppp")
+_HURRIED = function("locate_hurried", "ppppppppppppppp")
 
 
 def _compiled(locator: Locator, state: SolverState, observation: Observation) -> Located | None:
     continued, before, packed = state.continued_pose, state.root, locator.packed
     if packed is None or continued is None or before is None:
         return locator.alternate(state, observation)
-    wanted, points_m = locator.examples, contiguous(observation.points_m)
-    *numbers, candidates, frames = locator.memory(len(continued))
+    given = packed.address, contiguous(observation.points_m), contiguous(continued)
+    located, visited = _run(locator, partial(_LOCATE, *given), before)
+    locator.search.visited += visited
+    return located
+
+
+def _compiled_hurried(locator: Locator, state: SolverState, observation: Observation) -> Located | None:
+    continued, packed = state.continued_pose, locator.packed_hurried
+    if packed is None:
+        return locator.alternate(state, observation, hurried=True)
+    if state.root is None and not locator.has_torso(observation):
+        return None
+    given = packed.address, contiguous(observation.points_m), contiguous(locator.expected(state))
+    pose = None if continued is None else contiguous(continued)
+    located, visited = _run(locator, partial(_HURRIED, *given, pose), state.root or ROOT_AT_REST)
+    locator._sample.visited += visited
+    return located
+
+
+def _run(locator: Locator, locate: Callable[..., int], before: RootPose) -> tuple[Located, int]:
+    """Return what a function of the kernel finds, and the number of distances that it computed."""
+    wanted, shape, size = locator.examples, (locator._markers.count, 3), locator._poses.shape[1]
+    *numbers, candidates, frames = locator.memory()
     root = np.concatenate((before.rotation, before.position_m))
     chosen, distances = np.empty(wanted, dtype=np.int64), np.empty(wanted)
-    poses = np.empty((wanted, len(continued)), dtype=np.float32)
-    markers_m = np.empty((wanted, *observation.points_m.shape), dtype=np.float32)
+    poses = np.empty((wanted, size), dtype=np.float32)
+    markers_m = np.empty((wanted, *shape), dtype=np.float32)
     counts, nearest_m = np.empty(3, dtype=np.int64), np.empty(1)
     arrays = *numbers, candidates, root, frames, chosen, distances, poses, markers_m, counts, nearest_m
-    checked(_LOCATE(packed.address, points_m, contiguous(continued), *map(address, arrays)))
+    checked(locate(*map(address, arrays)))
     found, count, visited = counts.tolist()
-    locator.search.visited += visited
     examples = Examples(chosen[:count], distances[:count], poses[:count], markers_m[:count])
-    return Located(RootPose(root[:4], root[4:]), examples, frames[:found], float(nearest_m[0]))
+    return Located(RootPose(root[:4], root[4:]), examples, frames[:found], float(nearest_m[0])), visited
 
 
 @stage(_compiled)
 def _locate_next(locator: Locator, state: SolverState, observation: Observation) -> Located | None:
     return locator.alternate(state, observation)
+
+
+@stage(_compiled_hurried)
+def _locate_hurried(locator: Locator, state: SolverState, observation: Observation) -> Located | None:
+    return locator.alternate(state, observation, hurried=True)
 
 
 def _closest_mean(markers: DatabaseMarkers, frames: IntArray) -> Array:

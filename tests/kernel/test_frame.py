@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from copy import copy
 from dataclasses import replace
 from typing import Any
 
@@ -16,6 +17,7 @@ from perfanim.core.solver.locator import Located
 from perfanim.core.solver.method import FrameProblem
 from perfanim.core.solver.observation import Observation
 from perfanim.core.solver.pose_solver import PoseSolver
+from perfanim.core.solver.search import sample
 from perfanim.core.solver.search.inverted_file import CellSearch
 from perfanim.core.solver.settings import SolveSettings
 from perfanim.core.solver.solution import SolverState
@@ -112,13 +114,88 @@ def assert_same_examples(found: Located, expected: Located) -> None:
     np.testing.assert_array_equal(found.examples.markers_m[same], expected.examples.markers_m[same])
 
 
-def test_frames_of_a_known_body_count_more(solver, state, true_markers, monkeypatch):
+@pytest.fixture(scope="module", params=[8192, 150, 31, 1])
+def hurried(request, solver) -> PoseSolver:
+    """The solver with samples of all frames, every few, every few tens, and only the first."""
+    found = copy(solver)
+    found._locator = copy(solver._locator)
+    found._locator.__dict__.pop("packed_hurried", None)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(sample, "_FRAMES", request.param)
+        found._locator._sample = sample.SampleSearch(found._locator._markers)
+    return found
+
+
+def with_past(state: SolverState, past: str) -> SolverState:
+    """Return what remains of a state if only a part of the past is known."""
+    if past == "poses":
+        return state
+    state = replace(state, pose=None, previous_pose=None, found=None)
+    return state if past == "root and markers" else replace(state, markers_m=None, root=state.root if past else None)
+
+
+@pytest.mark.parametrize("special", SPECIAL)
+@pytest.mark.parametrize("hidden", HIDDEN)
+@pytest.mark.parametrize("past", ["", "root", "root and markers", "poses"])
+def test_hurried_root_and_examples(hurried, state, true_markers, past, hidden, special):
+    observation, before = with_points(true_markers, hidden, special), with_past(state, past)
+    expected, found = both(lambda: hurried._locator.locate(before, observation, hurried=True))
+    if special == -1e30:
+        return  # at this distance nothing is left of single precision
+    has_root = before.root is not None or np.count_nonzero(hurried.subject.torso & observation.located) >= 3
+    assert (expected is not None) == (found is not None) == has_root
+    if found is None:
+        return
+    if not observation.located.any():  # all frames are equally near
+        np.testing.assert_array_equal(found.root.position_m, before.root.position_m)
+        assert len(found.found) == len(set(found.found.tolist())) > 0
+        assert np.isnan(found.nearest_m)
+    else:
+        assert_same_examples(found, expected)
+        np.testing.assert_array_equal(found.found, expected.found)
+        assert_close(found.nearest_m, expected.nearest_m)
+
+
+def test_hurried_search_anywhere(hurried, state):
+    """Frames around the first and the last of the database are within it; both bodies count the same distances."""
+    locator, visited = hurried._locator, []
+    last = len(locator._poses) - 1
+    for frame in (0, 1, 40, last // 2, last - 40, last - 1, last):
+        points_m = state.root.to_world(locator._markers.take(np.array([frame]))[0].astype(np.float64))
+        observation = Observation.of_points(points_m)
+        before = with_past(replace(state, markers_m=points_m), "root and markers")
+        counts = [locator.visited]
+
+        def located(before=before, observation=observation, counts=counts) -> Located | None:
+            found = locator.locate(before, observation, hurried=True)
+            counts.append(locator.visited)
+            return found
+
+        expected, found = both(located)
+        assert_same_examples(found, expected)
+        np.testing.assert_array_equal(found.found, expected.found)
+        visited.append(np.diff(counts))
+    assert (np.array(visited) == 3 * len(locator._sample)).all()
+
+
+@pytest.mark.parametrize("special", [np.nan, np.inf])
+def test_hurried_from_a_pose_that_is_not_finite_is_refused(hurried, state, true_markers, special):
+    pose = state.pose.copy()
+    pose[-1] = special
+    with pytest.raises(np.linalg.LinAlgError, match="not finite"):
+        hurried._locator.locate(replace(state, pose=pose), with_points(true_markers, (), None), hurried=True)
+
+
+@pytest.mark.parametrize("is_hurried", [False, True])
+def test_frames_of_a_known_body_count_more(solver, state, true_markers, monkeypatch, is_hurried):
     factors = np.where(np.arange(len(solver._locator._poses)) % 2, 4.0, 1.0)
-    monkeypatch.setattr(solver._locator, "_factors", factors)
-    monkeypatch.delitem(solver._locator.__dict__, "packed", raising=False)
-    expected, found = both(lambda: solver._locator.locate(state, with_points(true_markers, (), None)))
-    solver._locator.__dict__.pop("packed")
-    assert (factors[found.examples.frames] == 1.0).mean() > 0.6
+    locator = copy(solver._locator)
+    monkeypatch.setattr(locator, "_factors", factors)
+    for name in ("packed", "packed_hurried"):
+        locator.__dict__.pop(name, None)
+    expected, found = both(lambda: locator.locate(state, with_points(true_markers, (), None), is_hurried))
+    nearest = found.examples.frames[: len(found.examples.frames) // 2]
+    assert (factors[nearest] == 1.0).mean() > 0.6
     assert_same_examples(found, expected)
 
 

@@ -40,12 +40,12 @@ def exact_distances(sample: SampleSearch, markers: DatabaseMarkers, target: np.n
 
 
 @pytest.mark.parametrize("special", SPECIAL)
-@pytest.mark.parametrize("count", [1, 7, 60, 10_000])
+@pytest.mark.parametrize("count", [1, 2, 7, 60, 10_000])
 @pytest.mark.parametrize("largest", SAMPLES)
 def test_nearest_in_sample(markers, largest, count, special):
     sample, generator = sample_of(markers, largest), np.random.default_rng(count)
     count = min(count, len(sample))
-    for seed in range(5):
+    for seed in range(20):
         frame = generator.integers(len(markers), size=1)
         target = markers.take(frame).ravel() + generator.normal(0.0, 0.05, size=3 * markers.count)
         target = spoiled(target.astype(np.float32), special, seed)

@@ -212,50 +212,54 @@ static void STAGE(query)(const Locator *l, const double *points, const double *r
   }
 }
 
-/* Root (7,) and examples for points (M, 3), NaN where not located, and a pose (D,) that continues the motion.
-
-   root: that of the last frame; then the one found. found: frames from which examples were chosen; chosen (examples,):
-   these, with their distances, poses (examples, D) and markers (examples, M, 3), closest first.
-   counts (3,): frames found, chosen and visited; nearest: RMS distance (m) of the points from the closest example. doubles: work for 13 M + 3 values; singles: 6 M + 2 rows + D;
-   among: see `near`; found has room for the cells and for all frames compared.
-   Returns 0, or 2 if a point or a pose is not finite. */
-EXPORT int64_t STAGE(locate)(const Locator *l, const double *points, const double *continued, double *doubles,
-                             float *singles, Candidate *among, double *root, int64_t *found, int64_t *chosen,
-                             double *distances, float *poses, float *markers, int64_t *counts, double *nearest_m) {
-  static const double still[9] = {1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0}, origin[3] = {0.0};
-  const Cells *cells = l->cells;
-  const Frames *f = cells->frames;
-  int64_t count = f->markers, size = cells->size;
-  double *local = doubles, *work = local + 3 * count;
-  float *target = singles, *weights = target + 3 * count, *pose = weights + 3 * count, *query = pose + size;
-  float pose_weight = (float)l->pose_weight;
-  if (STAGE(markers)(1, l->body->joints, l->body->carrying, count, l->body->indices, l->body->lengths, continued, still,
-                     origin, local, 0))
-    return 1;
+/* pose (D,): one that continues the motion, in single precision. Returns 0, or 2 if it is not finite. */
+static int64_t STAGE(narrow)(int64_t size, const double *continued, float *pose) {
   for (int64_t d = 0; d < size; d++) {
     if (!isfinite(continued[d])) return 2;
     pose[d] = (float)continued[d];
   }
-  if (!(l->pose_weight > 0.0)) pose = 0;
-  if (STAGE(fit_root)(count, l->torso, points, local, work, root)) return 2;
-  STAGE(query)(l, points, root, local, target, weights);
-  counts[0] = STAGE(near)(cells, target, weights, pose, pose_weight, query, among, found, counts + 2);
-  /* the root again, from the torso of the closest examples */
-  int64_t closest = l->closest < counts[0] ? l->closest : counts[0];
-  memset(local, 0, 3 * (size_t)count * sizeof(double));
+  return 0;
+}
+
+/* local (M, 3): mean markers of the first of n > 0 candidates */
+static void STAGE(closest_mean)(const Locator *l, int64_t n, const Candidate *among, double *local) {
+  const Frames *f = l->cells->frames;
+  int64_t points = 3 * f->markers, closest = l->closest < n ? l->closest : n;
+  memset(local, 0, (size_t)points * sizeof(double));
   for (int64_t k = 0; k < closest; k++) {
-    const int16_t *row = f->rows + f->places[found[k]] * f->width;
-    for (int64_t i = 0; i < 3 * count; i++) local[i] += (double)((float)row[i] * (float)f->unit);
+    const int16_t *row = f->rows + f->places[among[k].index] * f->width;
+    for (int64_t i = 0; i < points; i++) local[i] += (double)((float)row[i] * (float)f->unit);
   }
-  for (int64_t i = 0; i < 3 * count; i++) local[i] /= (double)closest;
-  if (STAGE(fit_root)(count, l->torso, points, local, work, root)) return 2;
-  STAGE(query)(l, points, root, local, target, weights);
+  for (int64_t i = 0; i < points; i++) local[i] /= (double)closest;
+}
+
+/* Computes the distances of n > 0 candidates again; returns the place of the nearest. */
+static int64_t STAGE(compare)(const Locator *l, int64_t n, const float *target, const float *weights, const float *pose,
+                              Candidate *among) {
+  const Cells *cells = l->cells;
+  const float pose_weight = (float)l->pose_weight;
   int64_t nearest = 0;
-  for (int64_t k = 0; k < counts[0]; k++) {
-    if (k + AHEAD < counts[0]) STAGE(fetch)(cells, found[k + AHEAD]);
-    among[k] = STAGE(candidate)(STAGE(frame_distance)(cells, found[k], target, weights, pose, pose_weight), found[k]);
+  for (int64_t k = 0; k < n; k++) {
+    int64_t frame = among[k].index;
+    if (k + AHEAD < n) STAGE(fetch)(cells, among[k + AHEAD].index);
+    among[k] = STAGE(candidate)(STAGE(frame_distance)(cells, frame, target, weights, pose, pose_weight), frame);
     if (STAGE(is_nearer)(among[k], among[nearest])) nearest = k;
   }
+  return nearest;
+}
+
+/* Root and examples of `locate` from counts[0] candidates and the mean markers of the closest, with which doubles begin.
+   singles: work for 6 M. Sets counts[1], but not counts[2]. Returns 0, or 2 if a point is not finite. */
+static int64_t STAGE(choose)(const Locator *l, const double *points, const float *pose, double *doubles, float *singles,
+                             Candidate *among, double *root, int64_t *chosen, double *distances, float *poses,
+                             float *markers, int64_t *counts, double *nearest_m) {
+  const Frames *f = l->cells->frames;
+  int64_t count = f->markers, size = l->cells->size;
+  double *local = doubles, *work = local + 3 * count;
+  float *target = singles, *weights = target + 3 * count;
+  if (STAGE(fit_root)(count, l->torso, points, local, work, root)) return 2;
+  STAGE(query)(l, points, root, local, target, weights);
+  int64_t nearest = STAGE(compare)(l, counts[0], target, weights, pose, among);
   for (int64_t k = 0; k < counts[0] && l->factors; k++) {
     if (!(among[k].distance > 0.0)) among[k].distance = 0.0;
     if (k != nearest) among[k].distance *= l->factors[among[k].index];
@@ -279,8 +283,36 @@ EXPORT int64_t STAGE(locate)(const Locator *l, const double *points, const doubl
     int64_t frame = chosen[k] = among[k].index;
     const int16_t *row = f->rows + f->places[frame] * f->width;
     distances[k] = among[k].distance;
-    memcpy(poses + k * size, cells->poses + frame * size, (size_t)size * sizeof(float));
+    memcpy(poses + k * size, l->cells->poses + frame * size, (size_t)size * sizeof(float));
     for (int64_t i = 0; i < 3 * count; i++) markers[3 * count * k + i] = (float)row[i] * (float)f->unit;
   }
   return 0;
+}
+
+/* Root (7,) and examples for points (M, 3), NaN where not located, and a pose (D,) that continues the motion.
+
+   root: that of the last frame; then the one found. found: frames from which examples were chosen; chosen (examples,):
+   these, with their distances, poses (examples, D) and markers (examples, M, 3), closest first.
+   counts (3,): frames found, chosen and visited; nearest: RMS distance (m) of the points from the closest example.
+   doubles: work for 13 M + 3 values; singles: 6 M + 2 rows + D; among: see `near`; found has room for the cells and for
+   all frames compared. Returns 0, or 2 if a point or a pose is not finite. */
+EXPORT int64_t STAGE(locate)(const Locator *l, const double *points, const double *continued, double *doubles,
+                             float *singles, Candidate *among, double *root, int64_t *found, int64_t *chosen,
+                             double *distances, float *poses, float *markers, int64_t *counts, double *nearest_m) {
+  static const double still[9] = {1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0}, origin[3] = {0.0};
+  const Cells *cells = l->cells;
+  int64_t count = cells->frames->markers, size = cells->size;
+  double *local = doubles, *work = local + 3 * count;
+  float *target = singles, *weights = target + 3 * count, *pose = weights + 3 * count, *query = pose + size;
+  if (STAGE(markers)(1, l->body->joints, l->body->carrying, count, l->body->indices, l->body->lengths, continued, still,
+                     origin, local, 0))
+    return 1;
+  if (STAGE(narrow)(size, continued, pose)) return 2;
+  if (!(l->pose_weight > 0.0)) pose = 0;
+  if (STAGE(fit_root)(count, l->torso, points, local, work, root)) return 2;
+  STAGE(query)(l, points, root, local, target, weights);
+  counts[0] = STAGE(near)(cells, target, weights, pose, (float)l->pose_weight, query, among, found, counts + 2);
+  STAGE(closest_mean)(l, counts[0], among, local);
+  return STAGE(choose)(l, points, pose, doubles, singles, among, root, chosen, distances, poses, markers, counts,
+                       nearest_m);
 }

@@ -48,6 +48,12 @@ typedef struct {
   int64_t examples, closest;          /* examples wanted, and those whose mean torso locates the root again */
 } Locator;
 
+typedef struct {
+  const Locator *locator;
+  const Sample *sample;
+  int64_t passes, wanted;             /* alternations with the sample, and frames around its closest */
+} Hurried;
+
 /* Earlier frames, markers and poses: core/solver/lagged_history.py */
 typedef struct {
   int64_t count;                      /* L */
