@@ -185,7 +185,7 @@ def _memory(follower: Follower, size: int, rows: int) -> tuple[list[NDArray[Any]
     """Return the kernel's work, and what it needs for the frames and examples found for a frame with so many rows."""
     locator, model = follower.locator, follower.model
     wanted, markers = locator.examples, len(model.subject.joints)
-    *of_locating, among, found = locator.memory(size)
+    *of_locating, among, found = locator.memory()
     pairs = zip(of_locating, work_for(model, wanted, rows, size), strict=True)
     doubles, singles = (max(map(len, pair)) for pair in pairs)
     own = size * (1 + len(model.earlier_markers.lags_s)) + 6 * markers
