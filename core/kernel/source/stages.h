@@ -6,6 +6,7 @@
 #include "fit.h"
 #include "labels.h"
 #include "learned.h"
+#include "pixels.h"
 #include "points.h"
 #include "prior.h"
 #include "rigid.h"

@@ -12,6 +12,7 @@ from ...errors import CaptureError, SettingsError
 from ...geometry.arrays import Array, FloatArray, Image, IntArray, Mask
 from . import blob_measurement as blobs
 from .background import Background
+from .foreground import differing
 
 
 @dataclass(frozen=True)
@@ -104,22 +105,15 @@ class Detector:
             part: Empty room behind a part of the image.
         """
         room, grown_px = part or self._room, self.settings.dilation_px
-        if room is None:
-            outside = np.asarray(cv2.threshold(image, self.threshold, 255, cv2.THRESH_BINARY)[1])
-        else:
-            # values below the band wrap around to above it: much faster than cv2.inRange with bounds for each pixel
-            above_low = np.subtract(image, room.low)
-            outside = np.asarray(cv2.compare(above_low, room.width, cv2.CMP_GT, dst=above_low))
-        height, width = image.shape[:2]
-        columns = np.maximum.reduce(outside.reshape(height, -1)).nonzero()[0] // 3
-        if not len(columns):
-            return np.empty((height, 0), dtype=np.uint8), 0
-        left, right = max(int(columns[0]) - grown_px, 0), min(int(columns[-1]) + 1 + grown_px, width)
-        blue, green, red = cv2.split(outside[:, left:right])
-        mask = cv2.bitwise_or(cv2.bitwise_or(blue, green, dst=blue), red, dst=blue)
+        low, band = (room.low, room.width) if room else (np.zeros_like(image), np.full_like(image, int(self.threshold)))
+        mask, first, last = differing(image, low, band)
+        if last < 0:
+            return mask[:, :0], 0
+        left = max(first - grown_px, 0)
+        mask = mask[:, left : last + 1 + grown_px]
         if grown_px:
-            mask = cv2.dilate(mask, np.ones((2 * grown_px + 1,) * 2, np.uint8))
-        return np.asarray(mask, dtype=np.uint8), left
+            mask = np.asarray(cv2.dilate(mask, np.ones((2 * grown_px + 1,) * 2, np.uint8)), dtype=np.uint8)
+        return mask, left
 
     def detect(self, image: Image) -> FloatArray:
         """Return blobs (n, 5): x, y, radius_px, brightness, hue; brightest first.

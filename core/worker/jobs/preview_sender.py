@@ -36,4 +36,6 @@ class PreviewSender:
             draw(number, pictures[-1], image.shape[1])
         tallest = max(len(picture) for picture in pictures)
         padded = [np.pad(picture, ((0, tallest - len(picture)), (0, 0), (0, 0))) for picture in pictures]
-        self._channel.send_preview(np.concatenate(padded, axis=1)[..., ::-1])
+        self._channel.send_preview(
+            np.asarray(cv2.cvtColor(np.concatenate(padded, axis=1), cv2.COLOR_BGR2RGB), np.uint8)
+        )
