@@ -5,12 +5,37 @@ import numpy as np
 from ..body.skeleton import Skeleton
 from ..geometry.arrays import Array, FloatArray, IntArray
 from ..geometry.quaternion_components import Quaternion, Vector, multiply
+from ..kernel.library import address, checked, contiguous, function, stage
 
 _CHUNK = 8192  # poses per chunk: few enough for the CPU's cache, many enough to keep NumPy's overhead small
 _SMALLEST_RAD = 1e-12
 _ORIGIN = (np.zeros(()), np.zeros(()), np.zeros(()))
 
 
+_AT_REST = function("markers_at_rest", "ppppp")
+
+
+def _compiled(
+    skeleton: Skeleton, joints: IntArray, offsets_m: Array, mean_rotations: Array, poses: FloatArray
+) -> FloatArray:
+    carrying = _carrying(skeleton, joints)
+    place = np.full(len(skeleton), -1)  # the root is none of them
+    place[carrying] = np.arange(len(carrying))
+    sizes = np.array([len(poses), 3 * (len(skeleton) - 1), len(carrying), len(joints)])
+    indices = np.concatenate((place[skeleton.parents[carrying]], 3 * (carrying - 1), place[joints]))
+    lengths = (mean_rotations[carrying], skeleton.offsets_m[carrying], offsets_m)
+    result = np.empty((len(poses), len(joints), 3), dtype=np.float32)
+    given = address(sizes), address(indices), address(np.concatenate([each.ravel() for each in lengths]))
+    checked(_AT_REST(*given, contiguous(poses, np.float32), address(result)))
+    return result
+
+
+def _carrying(skeleton: Skeleton, joints: IntArray) -> IntArray:
+    """Return the joints, parents first, that can move what these joints carry, without the root."""
+    return np.flatnonzero(skeleton.is_ancestor[joints].any(axis=0))[1:]
+
+
+@stage(_compiled)
 def markers_at_rest(
     skeleton: Skeleton, joints: IntArray, offsets_m: Array, mean_rotations: Array, poses: FloatArray
 ) -> FloatArray:
@@ -25,7 +50,7 @@ def markers_at_rest(
         mean_rotations: Rotations (J, 4) that the poses are relative to.
         poses: Rotation vectors (F, J - 1, 3).
     """
-    carrying = np.flatnonzero(skeleton.is_ancestor[joints].any(axis=0))[1:].tolist()  # parents first, without the root
+    carrying = _carrying(skeleton, joints).tolist()
     result = np.empty((len(poses), len(joints), 3), dtype=np.float32)
     for start in range(0, len(poses), _CHUNK):
         part = slice(start, start + _CHUNK)

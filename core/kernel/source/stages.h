@@ -8,6 +8,7 @@
 #include "learned.h"
 #include "pixels.h"
 #include "points.h"
+#include "posing.h"
 #include "prior.h"
 #include "rigid.h"
 #include "search.h"
