@@ -37,6 +37,8 @@ _LAG_FLOOR_S = 0.03  # added to a lag by which movements are divided
 _BY_ONE_CAMERA = 0.5  # input for a marker on a ray, whose depth is a guess, in place of 1 for a located one
 _FASTEST_M_S = 12.0  # speed above which an earlier position is ignored: there was a cut, or the label changed
 LOG_SIGMAS, FARTHEST = (-5.0, 2.0), 10.0  # limits of the scaled outputs' log standard deviations, and of their means
+# factor of the weights in half precision as the kernel takes them, so that none is too small for a normal number
+_HALF_SCALE, _MOST_HALF = 1024.0, 65504.0
 _ROOT = 6  # number of outputs for the root: rotation, position
 WEIGHTS = ("marker_weights", "marker_biases", "weights", "biases", "first_weights", "output_weights", "output_biases")
 
@@ -81,18 +83,20 @@ def open_network(path: Path) -> Network | None:
         return None
     with reading(path, FormatError, "install the extension again", "is not a motion prior of this version"):
         arrays = read_arrays(path, what="is not a motion prior of this version")
+        if any(arrays[name].dtype != np.float16 for name in WEIGHTS):
+            raise ValueError("the weights are not in half precision")
         facts = json.loads(str(arrays.pop("facts")))
         for name in arrays:
             kind = np.int64 if name == "part_of_joint" else np.float32 if name in (*WEIGHTS, "bones") else np.float64
             arrays[name] = arrays[name].astype(kind)
         network = Network(**arrays, facts=facts)
         if facts["version"] != VERSION or not _fits(network):
-            raise ValueError("wrong version or array shapes")
+            raise ValueError("wrong version, array shapes or numbers")
         return network
 
 
 def _fits(network: Network) -> bool:
-    """Return whether the arrays have matching shapes and finite numbers."""
+    """Return whether the arrays have matching shapes, and finite numbers that the kernel can take."""
     joints, lags, outputs = len(JOINT_NAMES), len(network.lags_s), _ROOT + 3 * (len(JOINT_NAMES) - 1)
     hidden, width = network.marker_biases.shape[-1], network.biases.shape[-1]
     parts = int(network.part_of_joint.max(initial=0)) + 1
@@ -104,9 +108,14 @@ def _fits(network: Network) -> bool:
         "output_weights": (width, 2 * outputs), "output_biases": (2 * outputs,), "outputs": (2, outputs),
         "correlation": (outputs, outputs), "spread": (2, outputs),
     }  # fmt: skip
-    return bool(np.all(network.part_of_joint >= 0)) and all(
-        getattr(network, name).shape == shape and np.all(np.isfinite(getattr(network, name)))
-        for name, shape in expected.items()
+    largest = max(float(np.max(np.abs(getattr(network, name)))) for name in WEIGHTS)
+    return (
+        bool(np.all(network.part_of_joint >= 0))
+        and largest * _HALF_SCALE < _MOST_HALF
+        and all(
+            getattr(network, name).shape == shape and np.all(np.isfinite(getattr(network, name)))
+            for name, shape in expected.items()
+        )
     )
 
 
@@ -189,11 +198,12 @@ class MotionPrior:
         parts, joints = np.argmax(self._parts, axis=0), len(self._back)
         sizes = len(network.lags_s), markers, joints, features, hidden, count // hidden, width, _ROOT + 3 * joints
         body_values = network.lags_s, body.torso_weights, self._rest, _OFFSET_SCALE * self._offsets_m, parts
-        weights = self._weights, self._biases, self._first, self._first_bias, network.weights, network.biases[1:]
-        outputs = network.output_weights, network.output_biases, network.outputs, network.spread
-        moves = self._change, self._back, self._correlation
-        arrays = map(np.ascontiguousarray, (*body_values, *weights, *outputs, *moves))
-        limits = _LAG_FLOOR_S, _BY_ONE_CAMERA, _FASTEST_M_S, FARTHEST, *LOG_SIGMAS
+        weights = self._weights, self._first, network.weights, network.output_weights
+        halves = [(each * _HALF_SCALE).astype(np.float16) for each in weights]
+        biases = self._biases, self._first_bias, network.biases[1:], network.output_biases
+        moves = network.outputs, network.spread, self._change, self._back, self._correlation
+        arrays = map(np.ascontiguousarray, (*body_values, *halves, *biases, *moves))
+        limits = _LAG_FLOOR_S, _BY_ONE_CAMERA, _FASTEST_M_S, FARTHEST, *LOG_SIGMAS, 2.0**112 / _HALF_SCALE
         return Packed(*sizes, *arrays, *limits)
 
     def memory(self) -> tuple[Array, FloatArray]:

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 from perfanim.core.geometry import rotations as rot
-from perfanim.core.solver.motion_prior import VERSION
+from perfanim.core.solver.motion_prior import VERSION, WEIGHTS
 
 LAGS_S = np.array([0.0, 1 / 60, 0.1, 0.5])
 JOINTS, HIDDEN, WIDTH = 29, 5, 8
@@ -31,7 +31,7 @@ def write_network(path: Path, mean_rotations: np.ndarray, **changes: Any) -> Pat
         "outputs": np.array((random(OUTPUTS), np.full(OUTPUTS, 0.2))),
         "correlation": correlation / np.outer(size, size), "spread": 1.0 + random(2, OUTPUTS) ** 2,
     }  # fmt: skip
-    for name in ("marker_weights", "marker_biases", "first_weights", "weights", "biases"):
+    for name in WEIGHTS:
         arrays[name] = arrays[name].astype(np.float16)
     np.savez(path, **(arrays | {"facts": np.array(json.dumps({"version": VERSION, "subjects": ["14"]}))} | changes))
     return path

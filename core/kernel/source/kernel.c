@@ -23,6 +23,7 @@ int32_t pf_version(void) { return VERSION; }
 typedef double v4d __attribute__((vector_size(32)));
 typedef float v8f __attribute__((vector_size(32)));
 typedef int16_t v8s __attribute__((vector_size(16)));
+typedef int32_t v8i __attribute__((vector_size(32)));
 typedef uint8_t v16b __attribute__((vector_size(16)));
 
 #include "tables.h"

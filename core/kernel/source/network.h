@@ -5,18 +5,48 @@ static void STAGE(silu)(int64_t n, float *x) {
   for (int64_t i = 0; i < n; i++) x[i] /= 1.0f + expf(-x[i]);
 }
 
-/* out (columns,) = bias + x (rows,) weights (rows, columns) */
-static void STAGE(layer)(int64_t rows, int64_t columns, const float *restrict x, const float *weights,
+/* a weight in half precision, in a unit; see `MotionPrior.packed` */
+static float STAGE(half)(int16_t stored) {
+  int32_t wide = (int32_t)((uint32_t)(int32_t)stored << 13) & (int32_t)0x8fffe000;
+  float value;
+  memcpy(&value, &wide, sizeof value);
+  return value;
+}
+
+/* eight of them */
+static v8f STAGE(halves)(const int16_t *stored) {
+  v8s bits;
+  v8f values;
+  memcpy(&bits, stored, sizeof bits);
+  v8i wide = (__builtin_convertvector(bits, v8i) << 13) & (int32_t)0x8fffe000;
+  memcpy(&values, &wide, sizeof values);
+  return values;
+}
+
+/* out (columns,) = bias + x (rows,) weights (rows, columns), of which up to four rows are added at once */
+static void STAGE(layer)(int64_t rows, int64_t columns, const float *restrict x, const int16_t *weights, float unit,
                          const float *bias, float *restrict out) {
   memcpy(out, bias, (size_t)columns * sizeof(float));
-  int64_t r = 0;
-  for (; r + 4 <= rows; r += 4) {
-    const float *restrict w = weights + r * columns;
-    for (int64_t c = 0; c < columns; c++)
-      out[c] += (x[r] * w[c] + x[r + 1] * w[columns + c]) + (x[r + 2] * w[2 * columns + c] + x[r + 3] * w[3 * columns + c]);
+  for (int64_t r = 0; r < rows; r += 4) {
+    const int16_t *w[4];
+    float share[4];
+    for (int64_t i = 0; i < 4; i++) {
+      int is_row = r + i < rows;
+      w[i] = weights + (is_row ? r + i : r) * columns;
+      share[i] = is_row ? x[r + i] * unit : 0.0f;
+    }
+    int64_t c = 0;
+    for (; c + 8 <= columns; c += 8) {
+      v8f sum;
+      memcpy(&sum, out + c, sizeof sum);
+      sum += (share[0] * STAGE(halves)(w[0] + c) + share[1] * STAGE(halves)(w[1] + c)) +
+             (share[2] * STAGE(halves)(w[2] + c) + share[3] * STAGE(halves)(w[3] + c));
+      memcpy(out + c, &sum, sizeof sum);
+    }
+    for (; c < columns; c++)
+      out[c] += (share[0] * STAGE(half)(w[0][c]) + share[1] * STAGE(half)(w[1][c])) +
+                (share[2] * STAGE(half)(w[2][c]) + share[3] * STAGE(half)(w[3][c]));
   }
-  for (; r < rows; r++)
-    for (int64_t c = 0; c < columns; c++) out[c] += x[r] * weights[r * columns + c];
 }
 
 /* features (F,) of a marker at L lags in the body frame, points (L, stride, 3); see `marker_features`. Returns whether
@@ -71,18 +101,18 @@ EXPORT int64_t STAGE(learned_prior)(const Network *n, const double *points, cons
   for (int64_t m = 0; m < markers; m++) {
     if (!STAGE(features)(n, m, local + 3 * m, single[m], features)) continue;
     STAGE(layer)(n->features, n->hidden, features, n->marker_weights + m * n->features * n->hidden,
-                 n->marker_biases + m * n->hidden, hidden);
+                 (float)n->unit, n->marker_biases + m * n->hidden, hidden);
     STAGE(silu)(n->hidden, hidden);
     for (int64_t h = 0; h < n->hidden; h++) parts[n->parts[m] * n->hidden + h] += hidden[h];
   }
-  STAGE(layer)(n->worn * n->hidden, width, parts, n->first, n->first_bias, state);
+  STAGE(layer)(n->worn * n->hidden, width, parts, n->first, (float)n->unit, n->first_bias, state);
   STAGE(silu)(width, state);
   for (int64_t l = 0; l < 2; l++) {
-    STAGE(layer)(width, width, state, n->weights + l * width * width, n->biases + l * width, added);
+    STAGE(layer)(width, width, state, n->weights + l * width * width, (float)n->unit, n->biases + l * width, added);
     STAGE(silu)(width, added);
     for (int64_t i = 0; i < width; i++) state[i] += added[i];
   }
-  STAGE(layer)(width, 2 * outputs, state, n->output_weights, n->output_biases, found);
+  STAGE(layer)(width, 2 * outputs, state, n->output_weights, (float)n->unit, n->output_biases, found);
   for (int64_t o = 0; o < outputs; o++) {
     double value = found[o], log_sigma = found[outputs + o];
     value = value < -n->farthest ? -n->farthest : value > n->farthest ? n->farthest : value;

@@ -100,11 +100,10 @@ typedef struct {
   int64_t lags, markers, joints, features, hidden, worn, width, outputs; /* L, M, J - 1, F, H, P, W, O */
   const double *lags_s, *torso, *rest, *offsets;                         /* (L,), (M,), (M, 3), (M, 3) scaled */
   const int64_t *parts;                                                  /* (M,) */
-  const float *marker_weights, *marker_biases;                           /* (M, F, H), (M, H) */
-  const float *first, *first_bias, *weights, *biases;                    /* (P H, W), (W,), (2, W, W), (2, W) */
-  const float *output_weights, *output_biases;                           /* (W, 2 O), (2 O,) */
+  const int16_t *marker_weights, *first, *weights, *output_weights;      /* (M, F, H), (P H, W), (2, W, W), (W, 2 O) */
+  const float *marker_biases, *first_bias, *biases, *output_biases;      /* (M, H), (W,), (2, W), (2 O,) */
   const double *scales, *spread, *change, *back, *correlation;
-  double lag_floor_s, by_one_camera, fastest, farthest, least_log, most_log;
+  double lag_floor_s, by_one_camera, fastest, farthest, least_log, most_log, unit;
 } Network;
 
 /* Settings of tracks: core/labelling/marker_tracks.py */
