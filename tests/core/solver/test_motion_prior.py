@@ -187,10 +187,11 @@ def test_damaged_prior_files_are_refused(database, network_file, tmp_path):
     whole = network_file.read_bytes()
     damaged = tmp_path / "damaged.npz"
     others = (
-        {"biases": np.zeros((2, WIDTH), np.float16)}, {"outputs": np.full((2, OUTPUTS), np.nan)}, {"spread": np.array("text")},
+        {"biases": np.zeros((2, WIDTH), np.float16)}, {"biases": np.full((3, WIDTH), 64.0, np.float16)},
+        {"outputs": np.full((2, OUTPUTS), np.nan)}, {"spread": np.array("text")},
         {"facts": np.array(json.dumps({"version": 99}))}, {"facts": np.array("[")}, {"facts": np.array("[]")},
         {"weights": np.zeros(3, np.float16)}, {"more": np.zeros(3)}, {"part_of_joint": np.full(JOINTS, -3)},
-        {"output_weights": np.zeros((WIDTH, 2 * OUTPUTS), np.float32)}, {"biases": np.full((3, WIDTH), 64.0, np.float16)},
+        {"output_weights": np.zeros((WIDTH, 2 * OUTPUTS), np.float32)},
     )  # fmt: skip
     for changes in others:
         write_network(damaged, database.mean_rotations, **changes)
