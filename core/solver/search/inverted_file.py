@@ -16,8 +16,8 @@ from ..database_markers import BESIDE, MOST, DatabaseMarkers
 from .exhaustive import Query, closest
 from .stored_distances import frame_distances, row_distances
 
-# Approximate number of frames in the cells that are scanned, and their smallest share of the database: the more frames a
-# database has, the more of the nearest lie in cells beside. Found with ten million on synthetic boxing and kendo.
+# Approximate number of frames in the cells that are scanned, and their smallest share of the database: the more frames
+# it has, the more of the nearest lie in cells beside. Found with ten million on synthetic boxing and kendo.
 _SCANNED, _SCANNED_SHARE = 6144, 1 / 200
 _FIRST_SCANNED = 2  # factor of this number for queries without a pose
 _COMPONENTS = BESIDE - 1
