@@ -108,7 +108,8 @@ class WorkerClient:
             messages = self._connection.receive()  # messages sent before it died
             # on a busy machine they arrive after its end, but before that of the connection
             if not messages and not self._connection.is_open:
-                reason = f"ended unexpectedly (status {self._process.status}){self._process.last_line()}"
+                status = ", ".join(filter(None, (f"status {self._process.status}", self._connection.fault)))
+                reason = f"ended unexpectedly ({status}){self._process.last_line()}"
                 raise CaptureError(reason, where="worker", advice="start again")
         self._liveness.update(messages)
         self.ended = any(message.kind is MessageKind.END for message in messages)

@@ -30,6 +30,7 @@ class WorkerConnection:
     def __init__(self, request: Mapping[str, Any]) -> None:
         self.token = secrets.token_hex(16)
         self.is_authenticated = False  # stays True after the worker has closed the connection
+        self.fault = ""  # the system's error that ended the connection, if there was one
         self._request = request
         self._decoder = Decoder()
         self._outgoing = bytearray()
@@ -63,8 +64,8 @@ class WorkerConnection:
                 data = self._socket.recv(_CHUNK)
             except BlockingIOError:
                 break
-            except OSError:
-                data = b""
+            except OSError as error:
+                data, self.fault = b"", str(error.strerror)
             is_stranger = not self.is_authenticated and not received and not data.startswith(MAGIC)
             if not data or is_stranger:
                 self.disconnect()

@@ -1,3 +1,4 @@
+import errno
 import os
 import signal
 import socket
@@ -7,6 +8,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -62,6 +64,19 @@ def test_a_killed_worker_is_noticed() -> None:
         os.kill(client.process_id, getattr(signal, "SIGKILL", signal.SIGTERM))  # Windows has one way only
         with pytest.raises(CaptureError, match="ended unexpectedly"):
             collect(client, lambda m: False)
+
+
+def test_the_systems_error_is_told() -> None:
+    with worker({"job": "nonsense"}) as client:
+        client.ask(None)
+        connected = client._connection._socket
+        client._connection._socket = SimpleNamespace(recv=reset, fileno=connected.fileno, close=connected.close)
+        with pytest.raises(CaptureError, match=r"ended unexpectedly \(status \d+, Connection reset by peer\)"):
+            collect(client, lambda m: False)
+
+
+def reset(_: int) -> bytes:
+    raise ConnectionResetError(errno.ECONNRESET, "Connection reset by peer")
 
 
 def test_messages_that_arrive_after_the_end_of_the_process_count(monkeypatch: pytest.MonkeyPatch) -> None:
