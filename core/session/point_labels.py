@@ -180,8 +180,8 @@ class PointLabels:
         """Return whether the pose or unlabelled points are evidence against the labels."""
         located = tracked.observation.located
         agreement = assess_fit(tracked.observation, solution, self._limits).agreement
-        explained = agreement / max(float(np.mean(located)), 1e-3)
-        unseen = np.sum(located & self._torso) < self._limits.torso_markers
+        explained = agreement / max(np.count_nonzero(located) / len(located), 1e-3)
+        unseen = np.count_nonzero(located & self._torso) < self._limits.torso_markers
         return bool(explained < _S.suspect or unseen or _strays(frame, tracked) >= _S.strays)
 
     def _cost(self, frame: MarkerFrame, tracked: Tracked) -> float:

@@ -56,6 +56,7 @@ class Session:
         self.rig = rig
         cameras = rig.cameras if rig else ()
         self._has_one_camera = len(cameras) == 1
+        self._texts = np.array(subject.marker_set.texts)
         self._model = SubjectModel(subject, database.reference_pose_of(subject.skeleton, subject.name))
         self.solver = PoseSolver(self._model, database, self.settings)
         examples = BodyExamples(self._model, database)
@@ -160,7 +161,7 @@ class Session:
         if self._has_one_camera:
             shown = observation.without_guesses().back_projected(solution.markers_m)
         fit = assess_fit(shown, solution, self._quality.settings)
-        texts = np.array(self.subject.marker_set.texts)
+        texts = self._texts
         hidden = texts[~fit.located & ~(tracked.doubted | tracked.frozen)]
         notes = [*source_notes(frame.notes), *([PoseNote.hidden(hidden)] if len(hidden) else [])]
         found = [(PoseNote.jumped, tracked.doubted), (PoseNote.frozen, tracked.frozen)]

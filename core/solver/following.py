@@ -88,9 +88,16 @@ def solved(
     numbers = estimate.neighbours, estimate.dimensions, located.nearest_m, estimate.iterations
     doubts = estimate.uncertainty_rad, estimate.tilt_rad, estimate.prior_led
     solution = Solution(pose, estimate.root, markers_m, *numbers, *doubts)
-    root, expectation = estimate.root, estimate.expectation
-    after = replace(state, root=root, markers_m=markers_m, pose=estimate.pose, previous_pose=state.pose)
-    return solution, replace(after, found=located.found, expectation=expectation)
+    after = replace(
+        state,
+        root=estimate.root,
+        markers_m=markers_m,
+        pose=estimate.pose,
+        previous_pose=state.pose,
+        found=located.found,
+        expectation=estimate.expectation,
+    )
+    return solution, after
 
 
 def remembering(state: SolverState, observation: Observation, solution: Solution | None) -> SolverState:

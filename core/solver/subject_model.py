@@ -69,6 +69,8 @@ class SubjectModel:
             seen: Mask (M,) of markers that are not hidden.
         """
         moving = self._moving
+        if seen.all():
+            return np.zeros(moving.shape[1] - 1, dtype=bool)
         return np.asarray(moving[~seen].any(axis=0) & ~moving[seen].any(axis=0))[1:]
 
     def rotations(self, pose: Array, root: RootPose) -> Array:
