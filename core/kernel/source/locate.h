@@ -112,19 +112,18 @@ static int64_t STAGE(near)(const Cells *cells, const float *target, const float 
     rows = *visited = f->count;
   } else {
     for (int64_t c = 0; c < cells->cells; c++) {
-      const float *centre = cells->centres + c * width, *square = cells->squares + c * width;
+      const float *centre = cells->centres + c * width;
       v8f sums = {0.0f};
       float away = 0.0f;
       int64_t i = 0;
       for (; i + 8 <= width; i += 8) {
-        v8f middle, spread, aim, share;
+        v8f middle, aim, share;
         memcpy(&middle, centre + i, sizeof middle);
-        memcpy(&spread, square + i, sizeof spread);
         memcpy(&aim, query + i, sizeof aim);
         memcpy(&share, shares + i, sizeof share);
-        sums += (spread - 2.0f * aim * middle) * share;
+        sums += (middle * middle - 2.0f * aim * middle) * share;
       }
-      for (; i < width; i++) away += (square[i] - 2.0f * query[i] * centre[i]) * shares[i];
+      for (; i < width; i++) away += (centre[i] * centre[i] - 2.0f * query[i] * centre[i]) * shares[i];
       among[c] = STAGE(candidate)(STAGE(sum)(&sums, away), c);
     }
     chosen = (int64_t)ceil((double)cells->scanned / (double)f->count * (double)cells->cells) + 1;

@@ -23,7 +23,7 @@ typedef struct {
   const float *poses;                 /* (F, D) */
   int64_t cells;
   const int64_t *starts;              /* (cells + 1,) */
-  const float *centres, *squares;     /* (cells, width) */
+  const float *centres;               /* (cells, width) */
   const float *units, *square_units;  /* (width,) */
   int64_t facts;                      /* values after the markers in a row: components of the pose, length of the rest */
   const float *components;            /* (D, facts - 1) */

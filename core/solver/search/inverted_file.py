@@ -82,7 +82,7 @@ class CellSearch:
         """Return the search for `count` frames of a query with a pose, as the kernel takes it."""
         compared = math.ceil(_COMPARED * count)
         poses = self._poses.shape[1], np.ascontiguousarray(self._poses, dtype=np.float32)
-        cells = len(self._centres), self._markers.starts, self._centres, self._centre_squares
+        cells = len(self._centres), self._markers.starts, self._centres
         rows = self._units, self._square_units, BESIDE, np.ascontiguousarray(self._components), _ALIKE
         return Packed(self._markers.packed(), *poses, *cells, *rows, max(self._scanned, compared), compared, _FIRST)
 
