@@ -22,6 +22,7 @@ from ...core.worker.requests import (
 )
 from ..capture import capture_request, sound
 from ..capture.tuning import TUNING
+from ..jobs.job import command
 from ..preferences.paths import absolute, user_folder
 from ..settings import ignored_places, readiness
 from ..settings.capture_settings import PERFANIM_PG_settings, settings
@@ -89,7 +90,7 @@ class PERFANIM_OT_calibrate_walking(JobOperator, bpy.types.Operator):
     def request(self, context: bpy.types.Context) -> Request:
         chosen = settings(context)
         if chosen.source != "CAMERAS":
-            return super().request(context)
+            return command(self.arguments(context))
         source, lenses = _all_cameras(chosen), _lenses(chosen)
         return RecordWalkRequest(
             source=source,

@@ -6,7 +6,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.ndimage import convolve1d
 
 Array = NDArray[np.float64]
 
@@ -97,11 +96,19 @@ def ease(u: ArrayLike) -> Array:
     return s**3 * (10.0 + s * (-15.0 + 6.0 * s))
 
 
+def _convolved(values: Array, kernel: Array) -> Array:
+    """Return values (T, ...) convolved with a kernel of odd length, with constant ends."""
+    reach = len(kernel) // 2
+    padded = np.concatenate((values[:1].repeat(reach, axis=0), values, values[-1:].repeat(reach, axis=0)))
+    columns = padded.reshape(len(padded), -1).T
+    return np.array([np.convolve(column, kernel, "valid") for column in columns]).T.reshape(values.shape)
+
+
 def smoothed(values: Array, sigma_samples: float) -> Array:
     """Return values (T,) smoothed with a Gaussian, with constant ends."""
     reach = int(np.ceil(4.0 * sigma_samples))
     kernel = np.exp(-0.5 * (np.arange(-reach, reach + 1) / sigma_samples) ** 2)
-    return np.asarray(convolve1d(values, kernel / kernel.sum(), axis=0, mode="nearest"))
+    return _convolved(values, kernel / kernel.sum())
 
 
 def pendulum_filtered(values: Array, rate_per_s: float, step_s: float) -> Array:
@@ -112,7 +119,7 @@ def pendulum_filtered(values: Array, rate_per_s: float, step_s: float) -> Array:
     """
     reach = int(np.ceil(5.0 / (rate_per_s * step_s)))
     kernel = np.exp(-rate_per_s * step_s * np.abs(np.arange(-reach, reach + 1)))
-    return np.asarray(convolve1d(values, kernel / kernel.sum(), axis=0, mode="nearest"))
+    return _convolved(values, kernel / kernel.sum())
 
 
 def wander(rng: np.random.Generator, times_s: Array, size: int) -> Array:

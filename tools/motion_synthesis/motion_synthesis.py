@@ -4,7 +4,6 @@ import numpy as np
 from perfanim.core.body.motion import Motion
 from perfanim.core.body.standard_skeleton import SPINE_JOINTS
 from perfanim.core.geometry import rotations as rot
-from scipy.ndimage import maximum_filter1d
 
 from .arm_rotations import ARM_REACH, arm_rest, elbow, forearm_and_hand, hanging_arm, leg_rest, limited, two_bones, unit
 from .curves import Array, ease, pendulum_filtered, smoothed, wander
@@ -136,7 +135,9 @@ class _MotionSynthesis:
             over = height - (ankle[:, 1] + np.sqrt(np.maximum(room, 1e-4)) - hip[:, 1])
             excess = np.maximum(excess, 0.003 * np.logaddexp(0.0, over / 0.003))
         sigma = 0.035 / self.step_s
-        widest = maximum_filter1d(excess, 2 * round(1.2 * sigma) + 1)
+        beside = round(1.2 * sigma)
+        windows = np.lib.stride_tricks.sliding_window_view(np.pad(excess, beside, mode="edge"), 2 * beside + 1)
+        widest = np.max(windows, axis=1)
         return np.asarray(height - smoothed(widest, sigma))
 
     # ---- legs

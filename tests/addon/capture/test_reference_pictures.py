@@ -122,6 +122,9 @@ def test_the_sound_of_a_film_goes_with_the_motion(chosen: Any, take: Path, films
     for frame in (21, 41):
         scene.frame_set(frame)
         put_on(take)
+        if not bpy.app.build_options.audaspace:  # as the module of 4.2, which can neither read nor play sounds
+            assert len(versions.sequencer_strips(scene)) == 0
+            continue
         (strip,) = versions.sequencer_strips(scene)
         assert strip.type == "SOUND"
         assert strip.frame_start == pytest.approx(frame - BEFORE * scene.render.fps / FILM_FPS, abs=0.51)
