@@ -134,7 +134,7 @@ def _run(target: Path, kind: str, path: Path, frames: tuple[int, int]) -> None:
             check_existing=False,
             export_format="GLB",
             use_selection=True,
-            export_animation_mode="ACTIVE_ACTIONS",
+            export_animation_mode="SCENE",  # what is seen: other modes of 4.2 write another action of the character
             export_frame_range=True,
             export_anim_slide_to_zero=True,
             export_optimize_animation_size=False,
