@@ -12,7 +12,8 @@ from perfanim.core.session.delayed_poses import calm_performer
 from perfanim.core.session.session import Session
 from perfanim.core.session.solve_take import solve_take
 from perfanim.core.session.steady_motion import motion_of
-from perfanim.core.session.two_way_solve import TwoWaySolver
+from perfanim.core.session.trajectories import Trajectory
+from perfanim.core.session.two_way_solve import TwoWaySolver, _around
 from perfanim.core.simulate.simulated_markers import simulate_markers
 from perfanim.core.solver.motion_prior import MotionPrior
 from perfanim.core.solver.settings import SolveSettings
@@ -134,3 +135,19 @@ def test_wild_markers_in_the_first_frames_and_in_a_crowd_are_left_out(subject, d
     errors, least = (evaluate(each.motion, truth) for each in (solved, best))
     assert errors["mpjpe_mm"] < 1.05 * least["mpjpe_mm"] and errors["jitter_ratio"] < 1.2 * least["jitter_ratio"]
     assert any(note.kind is NoteKind.JUMPED for note in solved.poses_of()[30].notes)
+
+
+def test_only_a_second_around_suspected_markers_is_solved_again():
+    suspected = np.zeros((900, 4), dtype=bool)
+    suspected[[10, 400, 450, 700], [0, 1, 3, 2]] = True
+    assert _around(suspected, 60.0) == [slice(0, 71), slice(340, 511), slice(640, 761)]
+    assert _around(np.zeros((20, 4), dtype=bool), 60.0) == []
+
+
+def test_a_part_that_is_solved_again_leaves_the_other_frames():
+    def values(of: float) -> Trajectory:
+        return Trajectory(*(np.full((8, *shape), of) for shape in ((3, 4), (3,), (5,), (2,))))
+
+    found = values(1.0).with_part(slice(2, 5), Trajectory(*(each[:3] for each in vars(values(2.0)).values())))
+    for each in vars(found).values():
+        np.testing.assert_array_equal(each.reshape(8, -1)[:, 0], [1, 1, 2, 2, 2, 1, 1, 1])
